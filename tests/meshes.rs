@@ -2,7 +2,7 @@
 //! random piles at three depths, volumes against the truth, sharp edges and corners of turned solids; and how far they
 //! are from the true union (`truth`).
 
-use brickfield_bench_data::judge::mesh::{Report, check, check_soup};
+use brickfield_bench_data::judge::mesh::{MeshFindings, check, check_soup};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::cuboid;
 use brickfield_bench_data::{Mesh, Rng};
@@ -67,7 +67,7 @@ fn root_of(soup: &Soup) -> RootCube {
 
 /// The mesh of a soup's tree, and what the judge says of it. Vertices are also welded by position, as a reader
 /// of an STL file would, where `weld` asks for it.
-fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
+fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, MeshFindings) {
     let (kept, report) = contoured(soup, options, &ContourOptions::default());
     if weld {
         let welded = check_soup(&kept.facets());
@@ -77,7 +77,7 @@ fn meshed(soup: &Soup, options: TreeOptions, weld: bool) -> (Kept, Report) {
 }
 
 /// A mesh that is closed, oriented, manifold, and meets itself nowhere, and what the judge tells of it.
-fn contoured(soup: &Soup, options: TreeOptions, contouring: &ContourOptions) -> (Kept, Report) {
+fn contoured(soup: &Soup, options: TreeOptions, contouring: &ContourOptions) -> (Kept, MeshFindings) {
     let tree = build_in_memory(&[soup], root_of(soup), options).unwrap_or_else(|e| panic!("{e}"));
     let mut kept = Kept::default();
     contour(&tree, contouring, &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
@@ -471,7 +471,7 @@ fn a_corner_next_to_a_border_is_the_same_whatever_is_cached() {
 
 /// Of an open soup: the mesh and that with a tolerance of a tenth of a cell, both closed, oriented, manifold, and meeting
 /// themselves nowhere, and what the judge tells of the first.
-fn meshed_open(soup: &Soup, depth: u8) -> Report {
+fn meshed_open(soup: &Soup, depth: u8) -> MeshFindings {
     let root = root_of(soup);
     let tree = build_open_in_memory(&[soup], root, at_depth(depth), 1e-3).unwrap_or_else(|e| panic!("{e}"));
     let [plain, _] = [0.0, 0.1].map(|cells| {

@@ -29,7 +29,7 @@ pub enum Recipe {
     /// The bead pile of seed 1 with so many facets in [`PILE_SIZE`].
     Pile(u64),
     /// A toolpath swept with a stadium section of so many sides, without options, and the facets that come of it.
-    Swept(&'static Toolpath, u32, u64),
+    Swept(&'static SampleToolpath, u32, u64),
     /// What is left of another input, a binary STL, when 3 of 100 facets are lost at random: cracks everywhere.
     Cracked(&'static Spec),
     /// The sharp part of seed 1 and how many facets it has.
@@ -42,7 +42,7 @@ pub enum Recipe {
 
 /// A toolpath that comes with this crate.
 #[derive(Debug)]
-pub struct Toolpath {
+pub struct SampleToolpath {
     /// Its file's name.
     pub name: &'static str,
     /// The file, compressed by xz.
@@ -51,16 +51,16 @@ pub struct Toolpath {
 
 macro_rules! toolpath {
     ($name:literal) => {
-        Toolpath { name: $name, bytes: include_bytes!(concat!("../gcode/", $name)) }
+        SampleToolpath { name: $name, bytes: include_bytes!(concat!("../gcode/", $name)) }
     };
 }
 
 /// 21,497 segments: a figure of 40 mm, two extruders.
-pub static SPOT_TWO_TOOLS: Toolpath = toolpath!("spot40_2tool_prusaslicer.gcode.xz");
+pub static SPOT_TWO_TOOLS: SampleToolpath = toolpath!("spot40_2tool_prusaslicer.gcode.xz");
 /// 32,261 segments: the same figure, one extruder.
-pub static SPOT: Toolpath = toolpath!("spot40_relE_prusaslicer.gcode.xz");
+pub static SPOT: SampleToolpath = toolpath!("spot40_relE_prusaslicer.gcode.xz");
 /// 135,487 segments: four lobes of 63.5 mm.
-pub static CLOVER: Toolpath = toolpath!("clover_cura.gcode.xz");
+pub static CLOVER: SampleToolpath = toolpath!("clover_cura.gcode.xz");
 
 /// Sides of the box that piles fill, mm.
 pub const PILE_SIZE: [f64; 3] = [100.0, 100.0, 12.0];
@@ -232,14 +232,14 @@ fn cos_sin(angle: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::write::Hashed;
+    use crate::write::HashingWriter;
 
     #[test]
     fn the_small_ones_have_their_hashes() {
         let folder = tempfile::tempdir().unwrap();
         for spec in [&PILE_50K, &CRACKED_50K, &PART, &TORUS_2K] {
             let base = spec.base().map(|base| folder.path().join(base.name));
-            let mut out = Hashed::new(File::create(folder.path().join(spec.name)).unwrap());
+            let mut out = HashingWriter::new(File::create(folder.path().join(spec.name)).unwrap());
             spec.write(base.as_deref(), io::BufWriter::new(&mut out)).unwrap();
             assert_eq!(out.hash(), spec.hash, "{}", spec.name);
             assert!(out.bytes() <= spec.bytes_max(), "{}", spec.name);

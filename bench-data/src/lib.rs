@@ -31,7 +31,7 @@ pub use rng::Rng;
 pub const ASK_PEER: &str = include_str!("../peers/peers.py");
 
 /// One facet as STL stores it: three corners, counter-clockwise seen from outside.
-pub type Facet = [[f32; 3]; 3];
+pub type StlFacet = [[f32; 3]; 3];
 /// One facet in double precision.
 pub type Facet64 = [[f64; 3]; 3];
 /// One facet on an integer lattice.

@@ -2,7 +2,7 @@
 
 use crate::trig::sin_cos;
 use crate::vector::{add, cross, dot, norm, scale, sub, unit};
-use crate::{Facet, Facet64, LatticeFacet};
+use crate::{Facet64, LatticeFacet, StlFacet};
 
 /// Indexed triangles. Pieces made by this crate are closed, oriented outward, without unused vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,7 +87,7 @@ impl Mesh {
 
     /// The triangles as separate facets, rounded as an STL file stores them. Equal vertices round equally,
     /// so what is closed stays closed.
-    pub fn soup(&self) -> Vec<Facet> {
+    pub fn soup(&self) -> Vec<StlFacet> {
         self.facets().map(|f| f.map(|v| v.map(|c| c as f32))).collect()
     }
 

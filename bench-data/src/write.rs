@@ -1,7 +1,7 @@
 //! The file formats that the program reads.
 
 use crate::vector::{cross, norm, scale, sub};
-use crate::{Facet, Mesh};
+use crate::{Mesh, StlFacet};
 use std::io::{self, Write};
 
 /// Writes a binary STL file facet by facet.
@@ -29,7 +29,7 @@ impl<W: Write> StlWriter<W> {
     ///
     /// # Errors
     /// If there are more facets than announced, or `out` fails.
-    pub fn facet(&mut self, facet: &Facet) -> io::Result<()> {
+    pub fn facet(&mut self, facet: &StlFacet) -> io::Result<()> {
         self.left = self.left.checked_sub(1).ok_or_else(|| io::Error::other("more facets than announced"))?;
         let mut record = [0u8; 50];
         for (i, v) in std::iter::once(&normal(facet)).chain(facet).flatten().enumerate() {
@@ -59,7 +59,7 @@ impl<W: Write> StlWriter<W> {
     }
 }
 
-fn normal(facet: &Facet) -> [f32; 3] {
+fn normal(facet: &StlFacet) -> [f32; 3] {
     let [a, b, c] = facet.map(|v| v.map(f64::from));
     let n = cross(sub(b, a), sub(c, a));
     let length = norm(n);
@@ -153,16 +153,16 @@ pub fn ply_binary(mut out: impl Write, mesh: &Mesh) -> io::Result<()> {
 
 /// Passes bytes on to `out` and hashes them on the way: 64-bit FNV-1a.
 #[derive(Debug)]
-pub struct Hashed<W> {
+pub struct HashingWriter<W> {
     out: W,
     hash: u64,
     bytes: u64,
 }
 
-impl<W> Hashed<W> {
+impl<W> HashingWriter<W> {
     /// Starts with the hash of nothing.
-    pub fn new(out: W) -> Hashed<W> {
-        Hashed { out, hash: 0xcbf2_9ce4_8422_2325, bytes: 0 }
+    pub fn new(out: W) -> HashingWriter<W> {
+        HashingWriter { out, hash: 0xcbf2_9ce4_8422_2325, bytes: 0 }
     }
 
     /// Hash of the bytes written so far.
@@ -176,7 +176,7 @@ impl<W> Hashed<W> {
     }
 }
 
-impl<W: Write> Write for Hashed<W> {
+impl<W: Write> Write for HashingWriter<W> {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
         let written = self.out.write(buffer)?;
         for &byte in &buffer[..written] {

@@ -1,7 +1,7 @@
 //! The judge finds what was planted, in memory and through every file format.
 
-use brickfield_bench_data::judge::mesh::{Report, check, check_file, check_soup};
-use brickfield_bench_data::judge::read::{self, Content};
+use brickfield_bench_data::judge::mesh::{MeshFindings, check, check_file, check_soup};
+use brickfield_bench_data::judge::read::{self, FileMesh};
 use brickfield_bench_data::judge::winding::solid_angle_sum;
 use brickfield_bench_data::pile::bead_pile;
 use brickfield_bench_data::shapes::{cuboid, icosphere, tetrahedron, torus};
@@ -9,7 +9,7 @@ use brickfield_bench_data::{Mesh, write};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 
-fn judged(mesh: &Mesh) -> Report {
+fn judged(mesh: &Mesh) -> MeshFindings {
     check(&mesh.vertices, &mesh.triangles)
 }
 
@@ -18,7 +18,7 @@ fn corner_tetrahedron(sign: f64) -> Mesh {
 }
 
 /// Two pieces as one, equal positions welded.
-fn welded(pieces: &[Mesh]) -> Report {
+fn welded(pieces: &[Mesh]) -> MeshFindings {
     check_soup(&Mesh::merged(pieces).soup())
 }
 
@@ -131,12 +131,12 @@ fn every_format_comes_back() {
     let rounded = mesh.clone().mapped(|v| v.map(|c| f64::from(c as f32)));
 
     let path = stored("a.stl", stl.clone());
-    assert_eq!(read::read(&path).unwrap(), Content::Soup(mesh.soup()));
+    assert_eq!(read::read(&path).unwrap(), FileMesh::Soup(mesh.soup()));
     assert_eq!(check_file(&path).unwrap(), check_soup(&mesh.soup()));
     let path = stored("a.ply", ply.clone());
-    assert_eq!(read::read(&path).unwrap(), Content::Indexed(rounded.vertices, mesh.triangles.clone()));
+    assert_eq!(read::read(&path).unwrap(), FileMesh::Indexed(rounded.vertices, mesh.triangles.clone()));
     let path = stored("a.obj", obj);
-    assert_eq!(read::read(&path).unwrap(), Content::Indexed(mesh.vertices.clone(), mesh.triangles.clone()));
+    assert_eq!(read::read(&path).unwrap(), FileMesh::Indexed(mesh.vertices.clone(), mesh.triangles.clone()));
     assert_eq!(check_file(&path).unwrap().genus(), Some(1));
 
     assert!(check_file(&stored("b.stl", stl[..stl.len() - 1].to_vec())).is_err());
@@ -227,7 +227,7 @@ fn the_parts_are_what_their_truth_says() {
 #[test]
 fn winding_numbers_of_the_parts() {
     let at = |name: &str, p| {
-        let Content::Soup(facets) = read::read(&part(name)).unwrap() else { panic!("{name} is no soup") };
+        let FileMesh::Soup(facets) = read::read(&part(name)).unwrap() else { panic!("{name} is no soup") };
         let facets: Vec<_> = facets.iter().map(|f| f.map(|v| v.map(f64::from))).collect();
         solid_angle_sum(&facets, p)
     };
@@ -249,7 +249,7 @@ fn winding_numbers_of_the_parts() {
 
 fn hash(pieces: impl ExactSizeIterator<Item = Mesh>, facets_each: u64) -> u64 {
     let mut writer =
-        write::StlWriter::new(write::Hashed::new(std::io::sink()), pieces.len() as u64 * facets_each)
+        write::StlWriter::new(write::HashingWriter::new(std::io::sink()), pieces.len() as u64 * facets_each)
             .unwrap();
     for piece in pieces {
         writer.mesh(&piece).unwrap();

@@ -1,15 +1,15 @@
 //! Every generated piece is a closed manifold, oriented outward, of the volume its formula says.
 
-use brickfield_bench_data::judge::mesh::{Report, check, check_soup};
+use brickfield_bench_data::judge::mesh::{MeshFindings, check, check_soup};
 use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile};
 use brickfield_bench_data::shapes::{
-    Cap, Polygon, Section, cuboid, extrude, helix, icosphere, octahedron, slant, spiked_cube, spiral_tube,
-    sweep, tetrahedron, torus,
+    BeadEnd, ConvexSection, Polygon, cuboid, extrude, helix, icosphere, octahedron, slant, spiked_cube,
+    spiral_tube, sweep, tetrahedron, torus,
 };
 use brickfield_bench_data::{Mesh, Rng};
 use proptest::prelude::*;
 
-fn judged(mesh: &Mesh) -> Report {
+fn judged(mesh: &Mesh) -> MeshFindings {
     let report = check(&mesh.vertices, &mesh.triangles);
     assert!(report.is_closed_manifold() && report.is_clean(), "{report}");
     assert!((report.area / mesh.area() - 1.0).abs() < 1e-9);
@@ -84,20 +84,21 @@ fn round_pieces_approach_their_formulas() {
 #[test]
 fn a_bead_is_a_stadium_times_its_length() {
     let (width, height) = (2.0, 1.0);
-    let section = Section::stadium(400, width, height);
+    let section = ConvexSection::stadium(400, width, height);
     let path = [[0.0; 3], [5.0, 0.0, 0.0], [5.0, 4.0, 0.0], [9.0, 7.0, 0.0]];
-    let bead = sweep(&path, &section, [0.0, 0.0, 1.0], Cap::Flat);
+    let bead = sweep(&path, &section, [0.0, 0.0, 1.0], BeadEnd::Flat);
     let area = height * (width - height) + std::f64::consts::PI * height * height / 4.0;
     assert!((judged(&bead).signed_volume / (area * 14.0) - 1.0).abs() < 1e-4);
     let (low, high) = bead.bounds();
     assert!((high[2] - 0.5).abs() < 1e-3 && (low[2] + 0.5).abs() < 1e-3);
     for steps in 1..5 {
-        let round = sweep(&path, &Section::stadium(12, width, height), [0.0, 0.0, 1.0], Cap::Fused(steps));
+        let round =
+            sweep(&path, &ConvexSection::stadium(12, width, height), [0.0, 0.0, 1.0], BeadEnd::Fused(steps));
         assert_eq!(round.triangles.len() as u32, 2 * 12 * 3 + 4 * 12 * steps + 20);
         judged(&round);
     }
     let turned = [[0.0; 3], [0.0, 0.0, 2.0], [1.0, 0.0, 2.5]];
-    judged(&sweep(&turned, &Section::ellipse(5, 0.3, 0.2), [0.0, 0.0, 1.0], Cap::Flat));
+    judged(&sweep(&turned, &ConvexSection::ellipse(5, 0.3, 0.2), [0.0, 0.0, 1.0], BeadEnd::Flat));
 }
 
 #[test]
@@ -137,8 +138,8 @@ proptest! {
             at = [at[0] + 1.0, at[1] + rng.range(-0.7, 0.7), at[2] + rng.range(-0.7, 0.7)];
             path.push(at);
         }
-        let cap = if rings == 0 { Cap::Flat } else { Cap::Fused(rings) };
-        let bead = sweep(&path, &Section::ellipse(sides, 0.4, 0.3), [0.0, 0.0, 1.0], cap);
+        let cap = if rings == 0 { BeadEnd::Flat } else { BeadEnd::Fused(rings) };
+        let bead = sweep(&path, &ConvexSection::ellipse(sides, 0.4, 0.3), [0.0, 0.0, 1.0], cap);
         let report = judged(&bead);
         prop_assert_eq!(report.genus(), Some(0));
         prop_assert!(report.signed_volume > 0.0);

@@ -2,7 +2,7 @@
 
 use super::truth::walls;
 use super::{Kept, Solid, Soup, at_depth, file, meetings, root_of};
-use brickfield_bench_data::judge::mesh::{Report, check, check_soup};
+use brickfield_bench_data::judge::mesh::{MeshFindings, check, check_soup};
 use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile, sharp_part};
 use brickfield_bench_data::shapes::spiral_tube;
 use brickfield_bench_data::{Mesh, Rng};
@@ -92,7 +92,7 @@ fn parts() -> Vec<Part> {
 }
 
 /// A mesh, and what is wrong with it.
-fn judged(tree: &MemoryTree, options: &ContourOptions) -> (Report, Option<String>) {
+fn judged(tree: &MemoryTree, options: &ContourOptions) -> (MeshFindings, Option<String>) {
     let mut kept = Kept::default();
     contour(tree, options, &mut kept, &Silent).unwrap_or_else(|e| panic!("{e}"));
     let report = check(&kept.vertices, &kept.triangles);

@@ -2,7 +2,7 @@
 
 use super::truth::{compared, in_cells};
 use super::{Kept, Soup, at_depth, file, meetings, root_of};
-use brickfield_bench_data::judge::distance::Comparison;
+use brickfield_bench_data::judge::distance::MeshComparison;
 use brickfield_bench_data::judge::mesh::check;
 use brickfield_bench_data::pile::random_pile;
 use brickfield_bench_data::shapes::cuboid;
@@ -20,7 +20,7 @@ struct Outcome {
     leaves: [usize; 2],
     triangles: [usize; 2],
     /// In cells of the deepest level.
-    off: [Comparison; 2],
+    off: [MeshComparison; 2],
 }
 
 impl Outcome {
@@ -83,7 +83,7 @@ fn outcomes(name: &str, soup: &Soup, depth: u8, tolerances: &[f64], samples: u64
         let (leaves, triangles) = ([all, some], [in_plain, kept.triangles.len()]);
         let off = [of_plain, if all == some { of_plain } else { judged(kept) }];
         let outcome = Outcome { leaves, triangles, off };
-        let Comparison { mesh, boundary, .. } = &outcome.off[1];
+        let MeshComparison { mesh, boundary, .. } = &outcome.off[1];
         println!(
             "{name} at depth {depth}, {cells} cells: {some} of {all} leaves, {} of {in_plain} triangles; \
              mesh off by {:.3} (most {:.3}), boundary by {:.3} (most {:.3}), at 99.9 % {:.3?}",

@@ -2,17 +2,19 @@
 
 use super::{Kept, Soup, at_depth, contoured, file, meshed, root_of};
 use brickfield_bench_data::judge::boundary::Union;
-use brickfield_bench_data::judge::distance::{Comparison, Distances, Question, Triangles, compare};
+use brickfield_bench_data::judge::distance::{
+    DistanceQuery, DistanceStatistics, MeshComparison, TriangleSource, compare,
+};
 use brickfield_bench_data::pile::sharp_part;
 use brickfield_bench_data::shapes::{cuboid, spiral_tube};
-use brickfield_bench_data::{Facet, Mesh};
+use brickfield_bench_data::{Mesh, StlFacet};
 use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::build::build_in_memory;
 use brickfield_engine::contour::{ContourOptions, contour};
 
 /// How far the mesh of a soup at a depth, and with a tolerance in cells, is from the soup's union; in cells.
-fn off(name: &str, soup: &Soup, depth: u8, cells: f64) -> Comparison {
+fn off(name: &str, soup: &Soup, depth: u8, cells: f64) -> MeshComparison {
     let root = root_of(soup);
     let cell = root.spacing(depth);
     let tree = build_in_memory(&[soup], root, at_depth(depth)).unwrap_or_else(|e| panic!("{e}"));
@@ -25,18 +27,24 @@ fn off(name: &str, soup: &Soup, depth: u8, cells: f64) -> Comparison {
 }
 
 /// The distance of a mesh and the boundary of a soup's union, by so many samples each way.
-pub fn compared(soup: &Soup, mesh: Kept, cell: f64, samples: u64) -> Comparison {
-    let single = |facet: &[[f64; 3]; 3]| -> Facet { facet.map(|v| v.map(|c| c as f32)) };
-    let asked =
-        Question { samples, crease_samples: samples, crease_degrees: 20.0, seed: 1, cell, thin: 2.0 * cell };
+pub fn compared(soup: &Soup, mesh: Kept, cell: f64, samples: u64) -> MeshComparison {
+    let single = |facet: &[[f64; 3]; 3]| -> StlFacet { facet.map(|v| v.map(|c| c as f32)) };
+    let asked = DistanceQuery {
+        samples,
+        crease_samples: samples,
+        crease_degrees: 20.0,
+        seed: 1,
+        cell,
+        thin: 2.0 * cell,
+    };
     let union = Union::new(soup.iter().map(single).collect());
-    compare(&union, &Triangles::Indexed(mesh.vertices, mesh.triangles), &asked).expect("a mesh")
+    compare(&union, &TriangleSource::Indexed(mesh.vertices, mesh.triangles), &asked).expect("a mesh")
 }
 
 /// The same in cells.
-pub fn in_cells(mut told: Comparison, cell: f64) -> Comparison {
+pub fn in_cells(mut told: MeshComparison, cell: f64) -> MeshComparison {
     for distances in [&mut told.mesh, &mut told.boundary].into_iter().chain(&mut told.creases) {
-        let Distances { mean, rms, p999, max, clear_p999, clear_max, .. } = distances;
+        let DistanceStatistics { mean, rms, p999, max, clear_p999, clear_max, .. } = distances;
         [mean, rms, p999, max, clear_p999, clear_max].into_iter().for_each(|value| *value /= cell);
     }
     told

@@ -2,13 +2,13 @@
 //! engine.
 
 use crate::support::*;
-use brickfield_bench_data::judge::mesh::{Report, check_file};
+use brickfield_bench_data::judge::mesh::{MeshFindings, check_file};
 use serde_json::Value;
 use std::path::Path;
 
 /// Closed, oriented, manifold, and of the volume expected.
 #[track_caller]
-fn judged(path: &Path, volume: f64, tolerance: f64) -> Report {
+fn judged(path: &Path, volume: f64, tolerance: f64) -> MeshFindings {
     let report = check_file(path).unwrap();
     assert!(report.is_balanced() && report.is_edge_manifold() && report.is_vertex_manifold(), "{report:?}");
     let deviation = report.signed_volume / volume - 1.0;

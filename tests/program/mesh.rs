@@ -1,14 +1,14 @@
 //! `brickfield mesh` and `build --mesh`, judged by code that shares none with the engine.
 
 use crate::support::*;
-use brickfield_bench_data::judge::mesh::{Report, check_file};
+use brickfield_bench_data::judge::mesh::{MeshFindings, check_file};
 use brickfield_core::sweep::part_or_all;
 use std::ffi::OsStr;
 use std::path::Path;
 
 /// Closed, oriented, manifold, and of the volume expected.
 #[track_caller]
-fn judged(path: &Path, volume: f64, tolerance: f64) -> Report {
+fn judged(path: &Path, volume: f64, tolerance: f64) -> MeshFindings {
     let report = check_file(path).unwrap();
     let name = path.display();
     assert!(report.is_balanced(), "{name}: {report:?}");

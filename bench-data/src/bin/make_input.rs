@@ -6,7 +6,7 @@ use brickfield_bench_data::pile::{bead_pile, lattice_pile, random_pile, sharp_pa
 use brickfield_bench_data::shapes::{
     Polygon, cuboid, extrude, icosphere, octahedron, slant, spiked_cube, spiral_tube, torus,
 };
-use brickfield_bench_data::write::{self, Hashed, StlWriter};
+use brickfield_bench_data::write::{self, HashingWriter, StlWriter};
 use brickfield_bench_data::{Mesh, judge};
 use clap::{Args, Parser, Subcommand};
 use std::fs::File;
@@ -232,7 +232,7 @@ fn ending(path: &Path) -> &str {
 fn written(
     to: &Output,
     facets: u64,
-    body: impl FnOnce(&mut BufWriter<Hashed<File>>) -> io::Result<()>,
+    body: impl FnOnce(&mut BufWriter<HashingWriter<File>>) -> io::Result<()>,
 ) -> Result<(), String> {
     let written = hashed(&to.output, body)?;
     say(format_args!("{facets} facets, {written}"))
@@ -241,11 +241,11 @@ fn written(
 /// Opens the output, lets `body` fill it, and says how many bytes it has and their hash.
 fn hashed(
     output: &Path,
-    body: impl FnOnce(&mut BufWriter<Hashed<File>>) -> io::Result<()>,
+    body: impl FnOnce(&mut BufWriter<HashingWriter<File>>) -> io::Result<()>,
 ) -> Result<String, String> {
     let fail = |e: io::Error| format!("cannot write {}: {e}", output.display());
     let file = File::create(output).map_err(fail)?;
-    let mut out = BufWriter::with_capacity(1 << 20, Hashed::new(file));
+    let mut out = BufWriter::with_capacity(1 << 20, HashingWriter::new(file));
     body(&mut out).and_then(|()| out.flush()).map_err(fail)?;
     let hashed = out.get_ref();
     Ok(format!("{} bytes, FNV-1a {:016x}", hashed.bytes(), hashed.hash()))

@@ -1,8 +1,10 @@
 //! How far is a mesh from the union it should be? See `mesh-distance --help`.
 
 use brickfield_bench_data::judge::boundary::Union;
-use brickfield_bench_data::judge::distance::{Comparison, Distances, Question, Triangles, compare};
-use brickfield_bench_data::judge::read::{Content, read};
+use brickfield_bench_data::judge::distance::{
+    DistanceQuery, DistanceStatistics, MeshComparison, TriangleSource, compare,
+};
+use brickfield_bench_data::judge::read::{FileMesh, read};
 use clap::Parser;
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
@@ -64,8 +66,8 @@ fn run(cli: &Cli) -> Result<String, String> {
     }
     let told = |path: &Path, e| format!("{}: {e}", path.display());
     let soup = match read(&cli.soup).map_err(|e| told(&cli.soup, e))? {
-        Content::Soup(facets) => facets,
-        Content::Indexed(vertices, triangles) => {
+        FileMesh::Soup(facets) => facets,
+        FileMesh::Indexed(vertices, triangles) => {
             let corner = |v: u32| vertices.get(v as usize).map(|p| p.map(|c| c as f32));
             let facet = |t: &[u32; 3]| Some([corner(t[0])?, corner(t[1])?, corner(t[2])?]);
             let facets: Option<Vec<_>> = triangles.iter().map(facet).collect();
@@ -77,8 +79,8 @@ fn run(cli: &Cli) -> Result<String, String> {
         return Err(format!("{}: a coordinate is not a number", cli.soup.display()));
     }
     let union = Union::new(soup);
-    let mesh = Triangles::open(&cli.mesh).map_err(|e| told(&cli.mesh, e))?;
-    let asked = Question {
+    let mesh = TriangleSource::open(&cli.mesh).map_err(|e| told(&cli.mesh, e))?;
+    let asked = DistanceQuery {
         samples: cli.samples,
         crease_samples: cli.creases,
         crease_degrees: cli.angle,
@@ -91,12 +93,12 @@ fn run(cli: &Cli) -> Result<String, String> {
     Ok(if cli.json { json(cli, mesh.count(), &comparison) } else { table(cli, mesh.count(), &comparison) })
 }
 
-fn sets(comparison: &Comparison) -> impl Iterator<Item = (&'static str, Distances)> {
+fn sets(comparison: &MeshComparison) -> impl Iterator<Item = (&'static str, DistanceStatistics)> {
     let both = [("mesh", comparison.mesh), ("boundary", comparison.boundary)];
     both.into_iter().chain(comparison.creases.map(|creases| ("creases", creases)))
 }
 
-fn table(cli: &Cli, triangles: u64, comparison: &Comparison) -> String {
+fn table(cli: &Cli, triangles: u64, comparison: &MeshComparison) -> String {
     let mut text =
         format!("{triangles} triangles; distances in cells of {}, and in the soup's unit\n", cli.cell);
     for (name, d) in sets(comparison) {
@@ -132,7 +134,7 @@ fn table(cli: &Cli, triangles: u64, comparison: &Comparison) -> String {
     text
 }
 
-fn json(cli: &Cli, triangles: u64, comparison: &Comparison) -> String {
+fn json(cli: &Cli, triangles: u64, comparison: &MeshComparison) -> String {
     let mut text = format!("{{\"cell\": {}, \"triangles\": {triangles}", cli.cell);
     for (name, d) in sets(comparison) {
         let _ = write!(

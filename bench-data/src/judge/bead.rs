@@ -6,14 +6,14 @@ use std::f64::consts::PI;
 
 /// Outer size of a bead across its path, mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Section {
+pub struct BeadSize {
     /// Along the layer.
     pub width: f64,
     /// Across the layer.
     pub height: f64,
 }
 
-impl Section {
+impl BeadSize {
     /// Area of the stadium: half circles at the sides of a wide bead, at top and bottom of an upright one.
     pub fn area(&self) -> f64 {
         let (short, long) = (self.width.min(self.height), self.width.max(self.height));
@@ -54,30 +54,30 @@ impl Section {
 
 /// The solid of one segment.
 #[derive(Clone, Debug)]
-pub(crate) struct Solid {
+pub(crate) struct BeadSolid {
     /// The first end of its middle line.
     pub start: V3,
     length: f64,
     /// Unit vectors along it, to its side, and across the layer.
     frame: [V3; 3],
-    pub section: Section,
+    pub section: BeadSize,
 }
 
-impl Solid {
+impl BeadSolid {
     /// The solid below a segment of the path of the tool's tip, which is the middle of the bead's upper side.
-    pub fn new(from: V3, to: V3, section: Section) -> Solid {
+    pub fn new(from: V3, to: V3, section: BeadSize) -> BeadSolid {
         let way = sub(to, from);
         let length = norm(way);
         let along = if length > 0.0 { scale(way, 1.0 / length) } else { [1.0, 0.0, 0.0] };
         let across = [along[1], -along[0], 0.0];
         let side = if norm(across) > 1e-6 { unit(across) } else { [0.0, 1.0, 0.0] };
         let start = [from[0], from[1], from[2] - 0.5 * section.height];
-        Solid { start, length, frame: [along, side, cross(side, along)], section }
+        BeadSolid { start, length, frame: [along, side, cross(side, along)], section }
     }
 
     /// The round end at the segment's start, as a solid of its own.
-    pub fn first_end(&self) -> Solid {
-        Solid { length: 0.0, ..self.clone() }
+    pub fn first_end(&self) -> BeadSolid {
+        BeadSolid { length: 0.0, ..self.clone() }
     }
 
     pub fn volume(&self) -> f64 {
@@ -93,7 +93,7 @@ impl Solid {
 
     /// A point that divides the volume as `part` in 0..1 does along the segment, then round its ends; else at random.
     pub fn point(&self, part: f64, rng: &mut Rng) -> V3 {
-        let Section { width, height } = self.section;
+        let BeadSize { width, height } = self.section;
         let (way, radius) = (part * self.volume() / self.section.area(), 0.5 * width);
         loop {
             let (side, above) = (rng.range(-radius, radius), rng.range(-0.5, 0.5) * height);
@@ -134,16 +134,16 @@ impl Solid {
 mod tests {
     use super::*;
 
-    const SECTIONS: [Section; 3] = [
-        Section { width: 0.5, height: 0.2 },
-        Section { width: 0.2, height: 0.2 },
-        Section { width: 0.2, height: 0.5 },
+    const SECTIONS: [BeadSize; 3] = [
+        BeadSize { width: 0.5, height: 0.2 },
+        BeadSize { width: 0.2, height: 0.2 },
+        BeadSize { width: 0.2, height: 0.5 },
     ];
 
     #[test]
     fn volumes_are_those_of_points_in_a_box() {
         for section in SECTIONS {
-            let solid = Solid::new([0.0, 0.0, 1.0], [0.3, 0.4, 1.2], section);
+            let solid = BeadSolid::new([0.0, 0.0, 1.0], [0.3, 0.4, 1.2], section);
             let ([low, high], mut rng) = (solid.boxes(10.0).next().unwrap(), Rng::new(5));
             let box_volume: f64 = (0..3).map(|k| high[k] - low[k]).product();
             let random = |rng: &mut Rng| [0, 1, 2].map(|k| rng.range(low[k], high[k]));
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn points_are_spread_evenly_over_the_solid() {
         for section in SECTIONS {
-            let solid = Solid::new([1.0, 2.0, 3.0], [2.0, 1.0, 3.0], section);
+            let solid = BeadSolid::new([1.0, 2.0, 3.0], [2.0, 1.0, 3.0], section);
             let mut rng = Rng::new(9);
             let parts = 100_000;
             let points: Vec<V3> =
@@ -174,7 +174,7 @@ mod tests {
     #[test]
     fn a_width_follows_from_the_area() {
         for section in SECTIONS {
-            assert!((Section::width_of(section.area(), section.height) - section.width).abs() < 1e-12);
+            assert!((BeadSize::width_of(section.area(), section.height) - section.width).abs() < 1e-12);
         }
     }
 }

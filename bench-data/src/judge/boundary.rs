@@ -3,9 +3,9 @@
 //! A point of a facet lies on the boundary if exactly one of the points a little above and below it is inside, by
 //! winding numbers. Parts of facets inside of other pieces do not.
 
-use crate::judge::tree::{Bounds, Node, Tree, bounds_of, corners, normal};
+use crate::judge::tree::{BoxCorners, Bvh, BvhNode, bounds_of, corners, normal};
 use crate::vector::{V3, add, dot, norm, scale, sub, unit};
-use crate::{Facet, Rng};
+use crate::{Rng, StlFacet};
 use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -18,13 +18,13 @@ const RELATIVE: f64 = 0.1;
 
 /// The union of a closed soup.
 pub struct Union {
-    tree: Tree,
+    tree: Bvh,
     nudge: f64,
 }
 
 /// A point of the boundary.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Point {
+pub struct SurfacePoint {
     /// Where it is.
     pub at: [f64; 3],
     /// The facet's unit normal, as the soup has it.
@@ -33,19 +33,19 @@ pub struct Point {
 
 /// The nearest point of the boundary, and how far it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nearest {
+pub struct NearestPoint {
     /// The distance; at most a tenth of it, or the resolution, too large, and never too small.
     pub distance: f64,
     /// The point.
-    pub point: Point,
+    pub point: SurfacePoint,
 }
 
 impl Union {
     /// The union of a soup, which must be closed: each directed edge has its opposite.
-    pub fn new(soup: Vec<Facet>) -> Union {
+    pub fn new(soup: Vec<StlFacet>) -> Union {
         let [low, high] = bounds_of(&soup).map(|corner| corner.map(f64::from));
         let longest = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
-        Union { tree: Tree::new(soup), nudge: NUDGE * longest }
+        Union { tree: Bvh::new(soup), nudge: NUDGE * longest }
     }
 
     /// Lower and upper corner of the soup; infinite and inverted if no facet has an area.
@@ -58,7 +58,7 @@ impl Union {
         self.nudge
     }
 
-    pub(crate) fn tree(&self) -> &Tree {
+    pub(crate) fn tree(&self) -> &Bvh {
         &self.tree
     }
 
@@ -73,7 +73,7 @@ impl Union {
     }
 
     /// Whether a point of a facet lies on the boundary.
-    pub fn is_boundary(&self, point: &Point) -> bool {
+    pub fn is_boundary(&self, point: &SurfacePoint) -> bool {
         let [above, below] =
             self.are_inside([self.nudge, -self.nudge].map(|s| add(point.at, scale(point.normal, s))));
         above != below
@@ -81,15 +81,15 @@ impl Union {
 
     /// Whether a wall or a gap at a point of the boundary is thinner than `thickness`: whether along the normal the inside
     /// or the outside ends sooner, looked at in eight places.
-    pub fn is_thin(&self, point: &Point, thickness: f64) -> bool {
+    pub fn is_thin(&self, point: &SurfacePoint, thickness: f64) -> bool {
         let sides = |s: f64| self.are_inside([s, -s].map(|s| add(point.at, scale(point.normal, s))));
         let near = sides(self.nudge);
         (1..=8).any(|n| sides(0.125 * f64::from(n) * thickness) != near)
     }
 
     /// Those of `candidates` points, spread evenly over the area of all facets, that lie on the boundary.
-    pub fn samples(&self, candidates: u64, seed: u64) -> Vec<Point> {
-        let area = |facet: &Facet| norm(normal(&corners(facet)));
+    pub fn samples(&self, candidates: u64, seed: u64) -> Vec<SurfacePoint> {
+        let area = |facet: &StlFacet| norm(normal(&corners(facet)));
         let total: f64 = self.tree.facets().iter().map(area).sum();
         let (step, mut rng) = (total / candidates as f64, Rng::new(seed));
         let (mut passed, mut next, mut points) = (0.0, rng.range(0.0, 1.0) * step, Vec::new());
@@ -97,7 +97,7 @@ impl Union {
             passed += area(facet);
             while next < passed {
                 let facet = corners(facet);
-                points.push(Point { at: anywhere(&facet, &mut rng), normal: unit(normal(&facet)) });
+                points.push(SurfacePoint { at: anywhere(&facet, &mut rng), normal: unit(normal(&facet)) });
                 next += step;
             }
         }
@@ -108,7 +108,7 @@ impl Union {
     ///
     /// Best first over boxes, facets, and parts of facets: where the nearest point of a facet is buried in other pieces,
     /// the facet is divided until the parts that others cut are no larger than `resolution` or a tenth of the distance.
-    pub fn nearest(&self, p: [f64; 3], resolution: f64) -> Option<Nearest> {
+    pub fn nearest(&self, p: [f64; 3], resolution: f64) -> Option<NearestPoint> {
         let mut queue = BinaryHeap::new();
         queue.extend(self.tree.root().map(|node| Entry::node(self.tree.bounds(node), node, p)));
         while let Some(Entry { square, item }) = queue.pop() {
@@ -128,9 +128,9 @@ impl Union {
             let distance = square.sqrt();
             let known = part.buried.is_some_and(|q| norm(sub(q, part.nearest)) < 0.1 * self.nudge);
             if !known {
-                let point = Point { at: part.nearest, normal: unit(normal(&facet)) };
-                if self.is_boundary(&Point { at: self.off_the_edge(&facet, part.nearest), ..point }) {
-                    return Some(Nearest { distance, point });
+                let point = SurfacePoint { at: part.nearest, normal: unit(normal(&facet)) };
+                if self.is_boundary(&SurfacePoint { at: self.off_the_edge(&facet, part.nearest), ..point }) {
+                    return Some(NearestPoint { distance, point });
                 }
             }
             // What it is a part of was cut, if that has the same nearest point.
@@ -250,7 +250,7 @@ impl Part {
 }
 
 enum Item {
-    Node(Node),
+    Node(BvhNode),
     Part(Part),
 }
 
@@ -262,7 +262,7 @@ struct Entry {
 }
 
 impl Entry {
-    fn node(bounds: &Bounds, node: Node, p: V3) -> Entry {
+    fn node(bounds: &BoxCorners, node: BvhNode, p: V3) -> Entry {
         let [low, high] = bounds.map(|corner| corner.map(f64::from));
         let off: V3 = std::array::from_fn(|k| (low[k] - p[k]).max(p[k] - high[k]).max(0.0));
         Entry { square: dot(off, off), item: Item::Node(node) }
@@ -324,7 +324,7 @@ mod tests {
     fn walls_and_gaps_are_thin() {
         let walls = [cuboid([0.0; 3], [1.0, 10.0, 10.0]), cuboid([3.0, 0.0, 0.0], [10.0; 3])];
         let union = Union::new(Mesh::merged(&walls).soup());
-        let [wall, gap] = [0.0, 3.0].map(|x| Point { at: [x, 5.0, 5.0], normal: [-1.0, 0.0, 0.0] });
+        let [wall, gap] = [0.0, 3.0].map(|x| SurfacePoint { at: [x, 5.0, 5.0], normal: [-1.0, 0.0, 0.0] });
         assert_eq!([0.9, 1.1].map(|t| union.is_thin(&wall, t)), [false, true]);
         assert_eq!([1.9, 2.2].map(|t| union.is_thin(&gap, t)), [false, true]);
     }

@@ -6,7 +6,7 @@
 use crate::judge::boundary::Union;
 use crate::judge::tree::{bounds_of, corners, normal};
 use crate::vector::{V3, add, cross, dot, norm, scale, sub, unit};
-use crate::{Facet, Rng};
+use crate::{Rng, StlFacet};
 use rayon::prelude::*;
 
 /// A line in which two facets meet.
@@ -110,7 +110,7 @@ impl Union {
     }
 }
 
-fn shares_an_edge(a: &Facet, b: &Facet) -> bool {
+fn shares_an_edge(a: &StlFacet, b: &StlFacet) -> bool {
     a.iter().filter(|corner| b.contains(corner)).count() >= 2
 }
 

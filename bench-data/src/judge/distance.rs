@@ -5,7 +5,7 @@
 
 use crate::Rng;
 use crate::judge::boundary::{Union, anywhere, nearest_of};
-use crate::judge::read::{self, Content, ReadError};
+use crate::judge::read::{self, FileMesh, ReadError};
 use crate::judge::tree::normal;
 use crate::vector::{V3, dot, norm, sub};
 use rayon::prelude::*;
@@ -18,19 +18,19 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const BLOCK: u64 = 1 << 17;
 
 /// The triangles of a mesh, as often as they are asked for.
-pub enum Triangles {
+pub enum TriangleSource {
     /// A binary STL file and their number; it is read a block at a time.
     Stl(PathBuf, u64),
     /// Of a PLY or an OBJ file, or made here.
     Indexed(Vec<[f64; 3]>, Vec<[u32; 3]>),
 }
 
-impl Triangles {
+impl TriangleSource {
     /// Those of a binary STL, binary PLY or OBJ file.
     ///
     /// # Errors
     /// If the file cannot be read as the kind its ending names, or has no triangle.
-    pub fn open(path: &Path) -> Result<Triangles, ReadError> {
+    pub fn open(path: &Path) -> Result<TriangleSource, ReadError> {
         let triangles = if path.extension().is_some_and(|ending| ending == "stl") {
             let mut head = [0; 84];
             let file = File::open(path)?;
@@ -41,11 +41,11 @@ impl Triangles {
                 let told = format!("{count} facets take {} bytes, the file has {bytes}", 84 + 50 * count);
                 return Err(ReadError::Format(told));
             }
-            Triangles::Stl(path.to_owned(), count)
+            TriangleSource::Stl(path.to_owned(), count)
         } else {
             match read::read(path)? {
-                Content::Indexed(vertices, triangles) => Triangles::Indexed(vertices, triangles),
-                Content::Soup(_) => unreachable!("an STL file"),
+                FileMesh::Indexed(vertices, triangles) => TriangleSource::Indexed(vertices, triangles),
+                FileMesh::Soup(_) => unreachable!("an STL file"),
             }
         };
         if triangles.count() == 0 {
@@ -58,15 +58,15 @@ impl Triangles {
     /// How many there are.
     pub fn count(&self) -> u64 {
         match self {
-            Triangles::Stl(_, count) => *count,
-            Triangles::Indexed(_, triangles) => triangles.len() as u64,
+            TriangleSource::Stl(_, count) => *count,
+            TriangleSource::Indexed(_, triangles) => triangles.len() as u64,
         }
     }
 
     /// All triangles in order, a block at a time.
     fn blocks(&self, mut visit: impl FnMut(&[[V3; 3]])) -> Result<(), ReadError> {
         match self {
-            Triangles::Stl(path, count) => {
+            TriangleSource::Stl(path, count) => {
                 let mut file = BufReader::new(File::open(path)?);
                 file.read_exact(&mut [0; 84])?;
                 let (mut left, mut bytes, mut block) = (*count, Vec::new(), Vec::new());
@@ -79,7 +79,7 @@ impl Triangles {
                     left -= next;
                 }
             }
-            Triangles::Indexed(vertices, triangles) => {
+            TriangleSource::Indexed(vertices, triangles) => {
                 let missing = |t: &&[u32; 3]| t.iter().any(|&v| v as usize >= vertices.len());
                 if let Some(triangle) = triangles.iter().find(missing) {
                     return Err(ReadError::Format(format!(
@@ -241,7 +241,7 @@ impl Grid {
 
 /// What a set of distances comes to.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Distances {
+pub struct DistanceStatistics {
     /// How many there are.
     pub count: usize,
     /// Their mean.
@@ -262,9 +262,13 @@ pub struct Distances {
     pub clear_max: f64,
 }
 
-impl Distances {
+impl DistanceStatistics {
     /// Sums up distances at points. `is_thin` says, by number, whether a wall or a gap is thin there.
-    pub fn of(points: &[[f64; 3]], distances: &[f64], is_thin: impl Fn(usize) -> bool + Sync) -> Distances {
+    pub fn of(
+        points: &[[f64; 3]],
+        distances: &[f64],
+        is_thin: impl Fn(usize) -> bool + Sync,
+    ) -> DistanceStatistics {
         let count = distances.len();
         let sorted = |mut of: Vec<f64>| {
             of.sort_unstable_by(f64::total_cmp);
@@ -274,8 +278,8 @@ impl Distances {
         let all = sorted(distances.to_vec());
         let clear = (0..count).into_par_iter().filter(|&n| !is_thin(n)).map(|n| distances[n]).collect();
         let clear = sorted(clear);
-        let Some(&max) = all.last() else { return Distances::default() };
-        Distances {
+        let Some(&max) = all.last() else { return DistanceStatistics::default() };
+        DistanceStatistics {
             count,
             mean: all.iter().sum::<f64>() / count as f64,
             rms: (all.iter().map(|d| d * d).sum::<f64>() / count as f64).sqrt(),
@@ -291,7 +295,7 @@ impl Distances {
 
 /// What is asked about a mesh.
 #[derive(Clone, Copy, Debug)]
-pub struct Question {
+pub struct DistanceQuery {
     /// Points on the mesh, and candidates for points on the boundary.
     pub samples: u64,
     /// Points on creases; 0 for none.
@@ -308,20 +312,24 @@ pub struct Question {
 
 /// How far a mesh and the boundary of a union are from each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Comparison {
+pub struct MeshComparison {
     /// From points of the mesh to the boundary.
-    pub mesh: Distances,
+    pub mesh: DistanceStatistics,
     /// From points of the boundary to the mesh.
-    pub boundary: Distances,
+    pub boundary: DistanceStatistics,
     /// From points on creases of the boundary to the mesh.
-    pub creases: Option<Distances>,
+    pub creases: Option<DistanceStatistics>,
 }
 
 /// Compares a mesh with the boundary of a union.
 ///
 /// # Errors
 /// If the mesh cannot be read, or one of the two has no area.
-pub fn compare(union: &Union, mesh: &Triangles, asked: &Question) -> Result<Comparison, ReadError> {
+pub fn compare(
+    union: &Union,
+    mesh: &TriangleSource,
+    asked: &DistanceQuery,
+) -> Result<MeshComparison, ReadError> {
     let boundary = union.samples(asked.samples, asked.seed);
     if boundary.is_empty() {
         return Err(ReadError::Format("the soup encloses nothing: no facet of it is a boundary".into()));
@@ -331,16 +339,16 @@ pub fn compare(union: &Union, mesh: &Triangles, asked: &Question) -> Result<Comp
     let found: Vec<_> = points.par_iter().filter_map(|&p| union.nearest(p, resolution)).collect();
     let distances: Vec<f64> = found.iter().map(|nearest| nearest.distance).collect();
     let is_thin = |n: usize| union.is_thin(&found[n].point, asked.thin);
-    let of_mesh = Distances::of(&points, &distances, is_thin);
+    let of_mesh = DistanceStatistics::of(&points, &distances, is_thin);
     let points: Vec<V3> = boundary.iter().map(|point| point.at).collect();
     let is_thin = |n: usize| union.is_thin(&boundary[n], asked.thin);
     let distances = mesh.distances(&points, asked.cell)?;
-    let of_boundary = Distances::of(&points, &distances, is_thin);
-    let mut comparison = Comparison { mesh: of_mesh, boundary: of_boundary, creases: None };
+    let of_boundary = DistanceStatistics::of(&points, &distances, is_thin);
+    let mut comparison = MeshComparison { mesh: of_mesh, boundary: of_boundary, creases: None };
     if asked.crease_samples > 0 {
         let points = union.creases(asked.crease_samples, asked.crease_degrees, asked.seed);
         let distances = mesh.distances(&points, asked.cell)?;
-        comparison.creases = Some(Distances::of(&points, &distances, |_| false));
+        comparison.creases = Some(DistanceStatistics::of(&points, &distances, |_| false));
     }
     Ok(comparison)
 }
@@ -352,12 +360,19 @@ mod tests {
     use crate::pile::random_pile;
     use crate::shapes::{cuboid, icosphere};
 
-    fn held(mesh: &Mesh) -> Triangles {
-        Triangles::Indexed(mesh.vertices.clone(), mesh.triangles.clone())
+    fn held(mesh: &Mesh) -> TriangleSource {
+        TriangleSource::Indexed(mesh.vertices.clone(), mesh.triangles.clone())
     }
 
-    fn question(cell: f64) -> Question {
-        Question { samples: 10_000, crease_samples: 2_000, crease_degrees: 20.0, seed: 1, cell, thin: 0.5 }
+    fn question(cell: f64) -> DistanceQuery {
+        DistanceQuery {
+            samples: 10_000,
+            crease_samples: 2_000,
+            crease_degrees: 20.0,
+            seed: 1,
+            cell,
+            thin: 0.5,
+        }
     }
 
     /// A mesh that is the truth moved outward by a known distance.
@@ -405,7 +420,7 @@ mod tests {
         // The wall is thin but at its narrow sides, 8 of 208 of it and of 808 of all, which it is 10 thick behind.
         let clear = told.boundary.clear as f64 / told.boundary.count as f64;
         assert!((clear - 608.0 / 808.0).abs() < 0.01 && told.boundary.clear_max > 1.9, "{told:?}");
-        let asked = Question { thin: 0.1, ..question(0.4) };
+        let asked = DistanceQuery { thin: 0.1, ..question(0.4) };
         assert_eq!(compare(&union, &held(&block), &asked).unwrap().boundary.clear, told.boundary.count);
         assert!(told.mesh.max < 1e-12);
     }
@@ -430,11 +445,11 @@ mod tests {
     fn the_numbers_are_those_of_the_distances() {
         let distances: Vec<f64> = (1..=2000).map(|n| f64::from(n) / 1000.0).collect();
         let points: Vec<V3> = distances.iter().map(|&d| [d; 3]).collect();
-        let told = Distances::of(&points, &distances, |n| n >= 1000);
+        let told = DistanceStatistics::of(&points, &distances, |n| n >= 1000);
         assert_eq!((told.count, told.max, told.p999, told.at), (2000, 2.0, 1.998, [2.0; 3]));
         assert_eq!((told.clear, told.clear_max, told.clear_p999), (1000, 1.0, 0.999));
         assert!((told.mean - 1.0005).abs() < 1e-12 && (told.rms - 1.155).abs() < 1e-3);
-        assert_eq!(Distances::of(&[], &[], |_| true), Distances::default());
+        assert_eq!(DistanceStatistics::of(&[], &[], |_| true), DistanceStatistics::default());
     }
 
     #[test]
@@ -444,16 +459,16 @@ mod tests {
         // More than a block.
         let mesh = icosphere(7, 10.0);
         crate::write::stl(std::io::BufWriter::new(File::create(&path).unwrap()), &mesh).unwrap();
-        let triangles = Triangles::open(&path).unwrap();
+        let triangles = TriangleSource::open(&path).unwrap();
         assert_eq!(triangles.count(), 327_680);
         let (file, memory) = (triangles.samples(1000, 2).unwrap(), held(&mesh).samples(1000, 2).unwrap());
         assert_eq!((file.len(), memory.len()), (1000, 1000));
         assert!(held(&mesh).distances(&file, 1e-3).unwrap().iter().all(|&d| d < 1e-5));
         std::fs::write(&path, [0; 83]).unwrap();
-        assert!(Triangles::open(&path).is_err());
+        assert!(TriangleSource::open(&path).is_err());
         std::fs::write(&path, [0; 84]).unwrap();
-        assert!(matches!(Triangles::open(&path), Err(ReadError::Format(_))));
-        let broken = Triangles::Indexed(vec![[0.0; 3]], vec![[0, 1, 2]]);
+        assert!(matches!(TriangleSource::open(&path), Err(ReadError::Format(_))));
+        let broken = TriangleSource::Indexed(vec![[0.0; 3]], vec![[0, 1, 2]]);
         assert!(broken.samples(10, 1).is_err());
     }
 }

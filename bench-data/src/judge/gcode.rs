@@ -3,7 +3,7 @@
 //! It reads what PrusaSlicer, OrcaSlicer, Slic3r and Cura write, and refuses what it has no rule for, so that it never
 //! judges by another toolpath than the file's. It shares no code with the engine.
 
-use super::bead::Section;
+use super::bead::BeadSize;
 use crate::vector::{V3, add, norm, scale, sub};
 use std::collections::{BTreeSet, HashMap};
 use std::f64::consts::{PI, TAU};
@@ -24,14 +24,14 @@ pub struct Bead {
     /// The way of the tool's tip: the middle of the bead's upper side.
     pub points: Vec<V3>,
     /// Of each segment, one fewer than points.
-    pub sections: Vec<Section>,
-    /// What the slicer calls it, an index into [`Toolpath::features`].
+    pub sections: Vec<BeadSize>,
+    /// What the slicer calls it, an index into [`GcodeBeads::features`].
     pub feature: usize,
 }
 
 /// The beads of a file.
 #[derive(Clone, Debug, Default)]
-pub struct Toolpath {
+pub struct GcodeBeads {
     /// In the order of the file.
     pub beads: Vec<Bead>,
     /// Names of features, empty for beads without one.
@@ -61,7 +61,7 @@ pub struct GcodeError {
 ///
 /// # Errors
 /// If a line has a code that changes where material goes and that this reader does not know, or a word without a number.
-pub fn read(text: &[u8], options: &ReadOptions) -> Result<Toolpath, GcodeError> {
+pub fn read(text: &[u8], options: &ReadOptions) -> Result<GcodeBeads, GcodeError> {
     let text = String::from_utf8_lossy(text);
     let mut machine = Machine::new(options, &text);
     for (number, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
@@ -75,7 +75,7 @@ pub fn read(text: &[u8], options: &ReadOptions) -> Result<Toolpath, GcodeError> 
 struct Machine<'a> {
     options: &'a ReadOptions,
     filaments: Vec<f64>,
-    out: Toolpath,
+    out: GcodeBeads,
     /// Of the tip, in the machine's coordinates, and what G92 added to the file's, mm.
     place: V3,
     offset: V3,
@@ -104,7 +104,7 @@ impl<'a> Machine<'a> {
         Machine {
             options,
             filaments: options.filament.map_or_else(|| filaments(text), |d| vec![d]),
-            out: Toolpath { features: vec![String::new()], ..Toolpath::default() },
+            out: GcodeBeads { features: vec![String::new()], ..GcodeBeads::default() },
             place: [0.0; 3],
             offset: [0.0; 3],
             extruder: 0.0,
@@ -257,7 +257,7 @@ impl<'a> Machine<'a> {
         let diameter = self.filaments[self.tool.min(self.filaments.len() - 1)];
         let volume = laid * 0.25 * PI * diameter * diameter;
         let height = self.height.unwrap_or_else(|| self.above_the_last(to[2]));
-        let width = self.width.unwrap_or_else(|| Section::width_of(volume / length, height));
+        let width = self.width.unwrap_or_else(|| BeadSize::width_of(volume / length, height));
         let kind = (self.layer, self.tool, self.feature);
         if self.bead.points.last() != Some(&from) || self.kind != kind {
             self.end_bead();
@@ -265,7 +265,7 @@ impl<'a> Machine<'a> {
             self.bead.points.push(from);
         }
         self.bead.points.push(to);
-        self.bead.sections.push(Section { width, height });
+        self.bead.sections.push(BeadSize { width, height });
         let skipped = |name: &String| name.eq_ignore_ascii_case(&self.out.features[self.feature]);
         if !self.options.skip.iter().any(skipped) {
             self.out.fed += volume;
@@ -403,11 +403,11 @@ fn arc(from: V3, to: V3, centre: [f64; 2], clockwise: bool) -> Vec<(V3, f64)> {
 mod tests {
     use super::*;
 
-    fn of(text: &str) -> Toolpath {
+    fn of(text: &str) -> GcodeBeads {
         read(text.as_bytes(), &ReadOptions::default()).unwrap()
     }
 
-    fn lengths(path: &Toolpath) -> Vec<f64> {
+    fn lengths(path: &GcodeBeads) -> Vec<f64> {
         let length = |bead: &Bead| bead.points.windows(2).map(|p| norm(sub(p[1], p[0]))).sum();
         path.beads.iter().map(length).collect()
     }

@@ -4,7 +4,7 @@
 //! fans and components are two union-find passes over the result. Linear in time and about 60 bytes a triangle: a
 //! 250 MB STL file of 5 million facets takes 2.4 s on one core, reading and welding included.
 
-use crate::Facet;
+use crate::StlFacet;
 use crate::judge::read::{self, ReadError};
 use crate::judge::weld;
 use crate::vector::{cross, dot, norm, sub};
@@ -13,7 +13,7 @@ use std::path::Path;
 
 /// What [`check`] found. Counts of what is wrong are 0 for a good mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Report {
+pub struct MeshFindings {
     /// Vertices that a triangle refers to.
     pub vertices: u64,
     /// Vertices that no triangle refers to.
@@ -52,7 +52,7 @@ pub struct Report {
     pub max: [f64; 3],
 }
 
-impl Report {
+impl MeshFindings {
     /// The surface has no border.
     pub fn is_closed(&self) -> bool {
         self.open_edges == 0
@@ -87,7 +87,7 @@ impl Report {
             && self.non_finite_vertices == 0
     }
 
-    /// Closed, oriented and manifold. Says nothing about degenerate triangles: see [`Report::is_clean`].
+    /// Closed, oriented and manifold. Says nothing about degenerate triangles: see [`MeshFindings::is_clean`].
     pub fn is_closed_manifold(&self) -> bool {
         self.is_balanced()
             && self.is_edge_manifold()
@@ -101,7 +101,7 @@ impl Report {
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for MeshFindings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
@@ -130,30 +130,30 @@ impl fmt::Display for Report {
 ///
 /// # Errors
 /// If the file cannot be read as the kind its ending names.
-pub fn check_file(path: &Path) -> Result<Report, ReadError> {
+pub fn check_file(path: &Path) -> Result<MeshFindings, ReadError> {
     Ok(match read::read(path)? {
-        read::Content::Soup(facets) => check_soup(&facets),
-        read::Content::Indexed(vertices, triangles) => check(&vertices, &triangles),
+        read::FileMesh::Soup(facets) => check_soup(&facets),
+        read::FileMesh::Indexed(vertices, triangles) => check(&vertices, &triangles),
     })
 }
 
 /// Checks a soup after welding its corners by exact f32 bits.
-pub fn check_soup(facets: &[Facet]) -> Report {
+pub fn check_soup(facets: &[StlFacet]) -> MeshFindings {
     let (vertices, triangles) = weld(facets);
     check(&vertices, &triangles)
 }
 
 /// Checks an indexed mesh. An index without a vertex counts as a repeated one.
-pub fn check(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Report {
+pub fn check(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> MeshFindings {
     let sound = |t: &[u32; 3]| {
         let [a, b, c] = *t;
         a != b && b != c && c != a && t.iter().all(|&v| (v as usize) < vertices.len())
     };
     let whole: Vec<[u32; 3]> = triangles.iter().filter(|t| sound(t)).copied().collect();
-    let mut report = Report {
+    let mut report = MeshFindings {
         triangles: triangles.len() as u64,
         repeated_index_triangles: (triangles.len() - whole.len()) as u64,
-        ..Report::default()
+        ..MeshFindings::default()
     };
     count_vertices(vertices, triangles, &mut report);
     count_duplicates(vertices.len(), &whole, &mut report);
@@ -163,7 +163,7 @@ pub fn check(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Report {
     report
 }
 
-fn count_vertices(vertices: &[[f64; 3]], triangles: &[[u32; 3]], report: &mut Report) {
+fn count_vertices(vertices: &[[f64; 3]], triangles: &[[u32; 3]], report: &mut MeshFindings) {
     let mut used = vec![false; vertices.len()];
     for &v in triangles.iter().flatten() {
         if let Some(used) = used.get_mut(v as usize) {
@@ -204,7 +204,7 @@ fn bucketed<I: Iterator<Item = (u32, u64)>>(buckets: usize, items: impl Fn() -> 
     (starts, values)
 }
 
-fn count_duplicates(vertex_count: usize, triangles: &[[u32; 3]], report: &mut Report) {
+fn count_duplicates(vertex_count: usize, triangles: &[[u32; 3]], report: &mut MeshFindings) {
     let keys = || {
         triangles.iter().map(|t| {
             let mut t = *t;
@@ -221,7 +221,7 @@ fn count_duplicates(vertex_count: usize, triangles: &[[u32; 3]], report: &mut Re
 
 /// Edges, fans and components. Corner `3·t + i` of triangle t stands for its vertex i and for the half-edge from
 /// there to the next vertex.
-fn count_edges(vertex_count: usize, triangles: &[[u32; 3]], report: &mut Report) {
+fn count_edges(vertex_count: usize, triangles: &[[u32; 3]], report: &mut MeshFindings) {
     let half_edges = || {
         triangles.iter().enumerate().flat_map(|(t, v)| {
             (0..3).map(move |i| {
@@ -256,7 +256,7 @@ fn count_edges(vertex_count: usize, triangles: &[[u32; 3]], report: &mut Report)
     }
 }
 
-fn count_edge(low: u32, uses: &[u64], triangles: &[[u32; 3]], report: &mut Report) {
+fn count_edge(low: u32, uses: &[u64], triangles: &[[u32; 3]], report: &mut MeshFindings) {
     let forward = uses
         .iter()
         .filter(|&&half_edge| {
@@ -316,7 +316,7 @@ impl Sets {
     }
 }
 
-fn measure(vertices: &[[f64; 3]], triangles: &[[u32; 3]], report: &mut Report) {
+fn measure(vertices: &[[f64; 3]], triangles: &[[u32; 3]], report: &mut MeshFindings) {
     // Relative to the middle, or the volume of a small part far out drowns in rounding.
     let middle: [f64; 3] = std::array::from_fn(|a| 0.5 * (report.min[a] + report.max[a]));
     for t in triangles {

@@ -14,5 +14,5 @@ pub(crate) mod tree;
 mod weld;
 pub mod winding;
 
-pub use bead::Section;
+pub use bead::BeadSize;
 pub use weld::weld;

@@ -5,12 +5,12 @@
 //! Where nothing overlaps the union has no error at all. Points come in pairs, each from its own equal share of all
 //! volume, and the difference of the two tells the standard error without bias.
 
-use super::bead::Solid;
-use super::gcode::Toolpath;
+use super::bead::BeadSolid;
+use super::gcode::GcodeBeads;
 use super::passes::pass_starts;
-use super::tree::Tree;
+use super::tree::Bvh;
 use crate::vector::V3;
-use crate::{Facet, Rng};
+use crate::{Rng, StlFacet};
 use rayon::prelude::*;
 
 /// Most cells of the grid that finds the points near a segment.
@@ -18,7 +18,7 @@ const CELLS_MOST: f64 = 2e7;
 
 /// A value with its standard error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Estimate {
+pub struct SampleMean {
     /// mm³.
     pub value: f64,
     /// One standard error of it, mm³.
@@ -27,18 +27,18 @@ pub struct Estimate {
 
 /// What random points say.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Volumes {
+pub struct VolumeEstimates {
     /// Volume of {w ≥ 1}.
-    pub union: Estimate,
+    pub union: SampleMean,
     /// The integral of w.
-    pub winding: Estimate,
+    pub winding: SampleMean,
     /// The integral of w − 1 where w ≥ 1.
-    pub overlap: Estimate,
+    pub overlap: SampleMean,
 }
 
 /// What w counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Count {
+pub enum CountBy {
     /// Stretches that do not come back onto themselves.
     Passes,
     /// Runs without travel.
@@ -46,28 +46,28 @@ pub enum Count {
 }
 
 /// The segments of a toolpath with what they belong to.
-pub struct Beads {
-    solids: Vec<Solid>,
+pub struct BeadSegments {
+    solids: Vec<BeadSolid>,
     /// The pass, or bead, of each.
     owners: Vec<u32>,
     /// Of the segments whose pass follows another one of its bead: the first of each.
     joints: Vec<bool>,
 }
 
-impl Beads {
+impl BeadSegments {
     /// All segments of a toolpath.
-    pub fn new(path: &Toolpath, count: Count) -> Beads {
+    pub fn new(path: &GcodeBeads, count: CountBy) -> BeadSegments {
         let passes: Vec<Vec<usize>> = match count {
-            Count::Passes => path.beads.par_iter().map(pass_starts).collect(),
-            Count::Beads => vec![vec![0]; path.beads.len()],
+            CountBy::Passes => path.beads.par_iter().map(pass_starts).collect(),
+            CountBy::Beads => vec![vec![0]; path.beads.len()],
         };
-        let mut beads = Beads { solids: Vec::new(), owners: Vec::new(), joints: Vec::new() };
+        let mut beads = BeadSegments { solids: Vec::new(), owners: Vec::new(), joints: Vec::new() };
         let mut owner = 0;
         for (bead, starts) in path.beads.iter().zip(passes) {
             for (n, section) in bead.sections.iter().enumerate() {
                 let begins = starts.binary_search(&n).is_ok();
                 owner += u32::from(begins);
-                beads.solids.push(Solid::new(bead.points[n], bead.points[n + 1], *section));
+                beads.solids.push(BeadSolid::new(bead.points[n], bead.points[n + 1], *section));
                 beads.owners.push(owner);
                 beads.joints.push(begins && n > 0);
             }
@@ -86,12 +86,12 @@ impl Beads {
     }
 
     /// Volumes by so many pairs of points.
-    pub fn volumes(&self, pairs: u32, seed: u64) -> Volumes {
+    pub fn volumes(&self, pairs: u32, seed: u64) -> VolumeEstimates {
         let mut ends: Vec<f64> = Vec::with_capacity(self.solids.len());
         for solid in &self.solids {
             ends.push(ends.last().unwrap_or(&0.0) + solid.volume());
         }
-        let Some(&all) = ends.last() else { return Volumes::default() };
+        let Some(&all) = ends.last() else { return VolumeEstimates::default() };
         let share = all / f64::from(pairs);
         let points: Vec<(V3, u32)> = (0..2 * pairs)
             .into_par_iter()
@@ -108,7 +108,7 @@ impl Beads {
         let of = |f: &(dyn Fn(&Seen) -> f64 + Sync)| {
             estimate(all, seen.par_chunks(2).map(|pair| [f(&pair[0]), f(&pair[1])]).collect())
         };
-        Volumes {
+        VolumeEstimates {
             union: of(&|seen| 1.0 / seen.segments),
             winding: of(&|seen| seen.winding / seen.segments),
             overlap: of(&|seen| (seen.winding - 1.0) / seen.segments),
@@ -156,9 +156,9 @@ struct Seen {
 }
 
 /// Volumes of a closed soup by so many pairs of points, each of them in its own box of a grid around the soup.
-pub fn soup_volumes(facets: Vec<Facet>, pairs: u32, seed: u64) -> Volumes {
-    let tree = Tree::new(facets);
-    let Some(root) = tree.root() else { return Volumes::default() };
+pub fn soup_volumes(facets: Vec<StlFacet>, pairs: u32, seed: u64) -> VolumeEstimates {
+    let tree = Bvh::new(facets);
+    let Some(root) = tree.root() else { return VolumeEstimates::default() };
     let [low, high] = tree.bounds(root).map(|corner| corner.map(f64::from));
     let size = [0, 1, 2].map(|k| high[k] - low[k]);
     let all: f64 = size.iter().product();
@@ -178,15 +178,15 @@ pub fn soup_volumes(facets: Vec<Facet>, pairs: u32, seed: u64) -> Volumes {
         .collect();
     let of =
         |f: fn(i64) -> i64| estimate(all, windings.iter().map(|pair| pair.map(|w| f(w) as f64)).collect());
-    Volumes { union: of(|w| i64::from(w > 0)), winding: of(|w| w), overlap: of(|w| (w - 1).max(0)) }
+    VolumeEstimates { union: of(|w| i64::from(w > 0)), winding: of(|w| w), overlap: of(|w| (w - 1).max(0)) }
 }
 
 /// The integral over a volume from pairs of values, each pair from an equal share of it.
-fn estimate(volume: f64, pairs: Vec<[f64; 2]>) -> Estimate {
+fn estimate(volume: f64, pairs: Vec<[f64; 2]>) -> SampleMean {
     let count = pairs.len() as f64;
     let sum: f64 = pairs.iter().map(|[a, b]| 0.5 * (a + b)).sum();
     let square: f64 = pairs.iter().map(|[a, b]| 0.25 * (a - b) * (a - b)).sum();
-    Estimate { value: volume * sum / count, error: volume * square.sqrt() / count }
+    SampleMean { value: volume * sum / count, error: volume * square.sqrt() / count }
 }
 
 /// Points by the cell of a grid that they lie in.
@@ -247,7 +247,7 @@ impl Grid {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bead::Section;
+    use super::super::bead::BeadSize;
     use super::super::gcode::{Bead, ReadOptions, read};
     use super::*;
     use crate::Mesh;
@@ -255,25 +255,25 @@ mod tests {
     use crate::shapes::cuboid;
     use std::f64::consts::PI;
 
-    fn volumes(paths: &[&[V3]], section: Section, pairs: u32) -> Volumes {
+    fn volumes(paths: &[&[V3]], section: BeadSize, pairs: u32) -> VolumeEstimates {
         let bead = |points: &&[V3]| Bead {
             points: points.to_vec(),
             sections: vec![section; points.len() - 1],
             feature: 0,
         };
-        let path = Toolpath { beads: paths.iter().map(bead).collect(), ..Toolpath::default() };
-        Beads::new(&path, Count::Passes).volumes(pairs, 7)
+        let path = GcodeBeads { beads: paths.iter().map(bead).collect(), ..GcodeBeads::default() };
+        BeadSegments::new(&path, CountBy::Passes).volumes(pairs, 7)
     }
 
     /// Within four standard errors, which are at most this part of it.
-    fn assert_is(found: Estimate, truth: f64, error_most: f64) {
+    fn assert_is(found: SampleMean, truth: f64, error_most: f64) {
         assert!(found.error <= error_most * truth, "{found:?}");
         assert!((found.value - truth).abs() <= 4.0 * found.error + 1e-9 * truth, "{found:?}, not {truth}");
     }
 
     #[test]
     fn a_straight_bead_has_no_error() {
-        let section = Section { width: 0.5, height: 0.2 };
+        let section = BeadSize { width: 0.5, height: 0.2 };
         let found = volumes(&[&[[0.0, 0.0, 0.2], [10.0, 3.0, 0.2]]], section, 1000);
         assert_is(found.union, section.area() * 109f64.sqrt() + section.ends(), 1e-12);
         assert_eq!((found.winding, found.overlap.value), (found.union, 0.0));
@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn crossing_cylinders_share_sixteen_thirds_of_their_radius_cubed() {
-        let section = Section { width: 2.0, height: 2.0 };
+        let section = BeadSize { width: 2.0, height: 2.0 };
         let lines: [&[V3]; 2] = [&[[-9.0, 0.0, 2.0], [9.0, 0.0, 2.0]], &[[0.0, -9.0, 2.0], [0.0, 9.0, 2.0]]];
         let found = volumes(&lines, section, 200_000);
         let line = 18.0 * PI + 4.0 / 3.0 * PI;
@@ -294,16 +294,16 @@ mod tests {
     fn files_have_the_volumes_of_their_closed_forms() {
         for made in pass_files() {
             let path = read(made.gcode.as_bytes(), &ReadOptions::default()).unwrap();
-            let found = Beads::new(&path, Count::Passes).volumes(100_000, 3);
+            let found = BeadSegments::new(&path, CountBy::Passes).volumes(100_000, 3);
             eprintln!("{}: {found:?} of {} and {}", made.name, made.union, made.overlap);
             // Closed forms leave out how turns of a vase and circles meet steps: a thousandth of the overlap.
-            let near = |found: Estimate, truth: f64, part: f64| {
+            let near = |found: SampleMean, truth: f64, part: f64| {
                 (found.value - truth).abs() <= 4.0 * found.error + part * truth
             };
             assert!(near(found.union, made.union, 2e-4), "{}: {:?}", made.name, found.union);
             assert!(near(found.overlap, made.overlap, 2e-3), "{}: {:?}", made.name, found.overlap);
             assert!(found.union.error < 2e-3 * made.union);
-            let beads = Beads::new(&path, Count::Beads).volumes(20_000, 3);
+            let beads = BeadSegments::new(&path, CountBy::Beads).volumes(20_000, 3);
             assert!(beads.overlap.value == 0.0 && near(beads.union, made.union, 2e-4), "{}", made.name);
         }
     }
@@ -315,6 +315,6 @@ mod tests {
         assert_is(found.union, 1600.0, 1e-3);
         assert_is(found.overlap, 400.0, 3e-3);
         assert_is(found.winding, 2000.0, 3e-3);
-        assert_eq!(soup_volumes(Vec::new(), 10, 1), Volumes::default());
+        assert_eq!(soup_volumes(Vec::new(), 10, 1), VolumeEstimates::default());
     }
 }

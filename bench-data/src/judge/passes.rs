@@ -4,7 +4,7 @@
 //! than two widths and more than four times their distance. Each of these is a convex function of (s, t) below a limit, so
 //! whether two segments have such places is the question for the least of the greatest of them: two nested searches.
 
-use super::bead::Section;
+use super::bead::BeadSize;
 use super::gcode::Bead;
 use crate::vector::{V3, dot, norm, scale, sub};
 use std::collections::HashMap;
@@ -47,7 +47,7 @@ pub fn pass_starts(bead: &Bead) -> Vec<usize> {
 
 struct Path<'a> {
     points: &'a [V3],
-    sections: &'a [Section],
+    sections: &'a [BeadSize],
     /// The way along the bead to each point.
     way: Vec<f64>,
     /// The greatest width: nothing that is farther away in the plane is near.
@@ -196,7 +196,7 @@ mod tests {
 
     fn starts(points: &[[f64; 2]]) -> Vec<usize> {
         let points: Vec<V3> = points.iter().map(|&[x, y]| [x, y, 0.2]).collect();
-        let sections = vec![Section { width: 0.5, height: 0.2 }; points.len() - 1];
+        let sections = vec![BeadSize { width: 0.5, height: 0.2 }; points.len() - 1];
         pass_starts(&Bead { points, sections, feature: 0 })
     }
 

@@ -2,14 +2,14 @@
 //!
 //! Kept apart from the engine's readers so that a writer and a reader that share a mistake do not agree.
 
-use crate::Facet;
+use crate::StlFacet;
 use std::path::Path;
 
 /// A file's mesh as the file holds it.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Content {
+pub enum FileMesh {
     /// Facets without shared vertices.
-    Soup(Vec<Facet>),
+    Soup(Vec<StlFacet>),
     /// Vertices and triangles.
     Indexed(Vec<[f64; 3]>, Vec<[u32; 3]>),
 }
@@ -33,12 +33,12 @@ fn bad<T>(what: impl Into<String>) -> Result<T, ReadError> {
 ///
 /// # Errors
 /// If the file cannot be opened, has another ending, or does not follow its format.
-pub fn read(path: &Path) -> Result<Content, ReadError> {
+pub fn read(path: &Path) -> Result<FileMesh, ReadError> {
     let bytes = std::fs::read(path)?;
     match path.extension().and_then(|e| e.to_str()) {
-        Some("stl") => stl(&bytes).map(Content::Soup),
-        Some("ply") => ply(&bytes).map(|(v, t)| Content::Indexed(v, t)),
-        Some("obj") => obj(&bytes).map(|(v, t)| Content::Indexed(v, t)),
+        Some("stl") => stl(&bytes).map(FileMesh::Soup),
+        Some("ply") => ply(&bytes).map(|(v, t)| FileMesh::Indexed(v, t)),
+        Some("obj") => obj(&bytes).map(|(v, t)| FileMesh::Indexed(v, t)),
         _ => bad("the ending is not .stl, .ply or .obj"),
     }
 }
@@ -51,7 +51,7 @@ fn word<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
 ///
 /// # Errors
 /// If the length does not fit the count.
-pub fn stl(bytes: &[u8]) -> Result<Vec<Facet>, ReadError> {
+pub fn stl(bytes: &[u8]) -> Result<Vec<StlFacet>, ReadError> {
     if bytes.len() < 84 {
         return bad("a binary STL file has at least 84 bytes");
     }
@@ -63,7 +63,7 @@ pub fn stl(bytes: &[u8]) -> Result<Vec<Facet>, ReadError> {
 }
 
 /// The corners of an STL record of 50 bytes.
-fn record(bytes: &[u8]) -> Facet {
+fn record(bytes: &[u8]) -> StlFacet {
     let float = |i: usize| f32::from_le_bytes(word(bytes, 12 + 4 * i));
     std::array::from_fn(|v| std::array::from_fn(|a| float(3 * v + a)))
 }

@@ -3,24 +3,24 @@
 //! Facets are put in the order of the leaves; the tree is the halves of that order, so it holds boxes and nothing else:
 //! 42 to 48 bytes a facet, facets included.
 
-use crate::Facet;
+use crate::StlFacet;
 use crate::vector::{V3, cross, dot, sub};
 
 /// Facets of a leaf. Smaller ones take more memory and hardly less time.
 const LEAF: usize = 8;
 
 /// Lower and upper corner.
-pub(crate) type Bounds = [[f32; 3]; 2];
+pub(crate) type BoxCorners = [[f32; 3]; 2];
 
 /// The hierarchy.
-pub(crate) struct Tree {
-    facets: Vec<Facet>,
-    boxes: Vec<Bounds>,
+pub(crate) struct Bvh {
+    facets: Vec<StlFacet>,
+    boxes: Vec<BoxCorners>,
 }
 
 /// A part of the order of facets.
 #[derive(Clone, Copy)]
-pub(crate) struct Node {
+pub(crate) struct BvhNode {
     index: usize,
     low: usize,
     high: usize,
@@ -28,7 +28,7 @@ pub(crate) struct Node {
 
 /// A facet's corners in double precision.
 #[inline]
-pub(crate) fn corners(facet: &Facet) -> [V3; 3] {
+pub(crate) fn corners(facet: &StlFacet) -> [V3; 3] {
     let corner = |v: &[f32; 3]| [f64::from(v[0]), f64::from(v[1]), f64::from(v[2])];
     [corner(&facet[0]), corner(&facet[1]), corner(&facet[2])]
 }
@@ -38,12 +38,12 @@ pub(crate) fn normal([a, b, c]: &[V3; 3]) -> V3 {
     cross(sub(*b, *a), sub(*c, *a))
 }
 
-impl Tree {
+impl Bvh {
     /// The tree of a soup. Facets without area are left out: no point is on one side of them.
-    pub fn new(mut facets: Vec<Facet>) -> Tree {
+    pub fn new(mut facets: Vec<StlFacet>) -> Bvh {
         facets.retain(|facet| normal(&corners(facet)) != [0.0; 3]);
         order(&mut facets);
-        let mut tree = Tree { facets, boxes: Vec::new() };
+        let mut tree = Bvh { facets, boxes: Vec::new() };
         if let Some(root) = tree.root() {
             let leaves = tree.facets.len().div_ceil(LEAF).next_power_of_two();
             tree.boxes = vec![[[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]]; 2 * leaves - 1];
@@ -53,34 +53,34 @@ impl Tree {
     }
 
     /// The facets in the tree's order.
-    pub fn facets(&self) -> &[Facet] {
+    pub fn facets(&self) -> &[StlFacet] {
         &self.facets
     }
 
     /// All facets, if there are any.
-    pub fn root(&self) -> Option<Node> {
-        (!self.facets.is_empty()).then_some(Node { index: 0, low: 0, high: self.facets.len() })
+    pub fn root(&self) -> Option<BvhNode> {
+        (!self.facets.is_empty()).then_some(BvhNode { index: 0, low: 0, high: self.facets.len() })
     }
 
     /// The box around a node.
-    pub fn bounds(&self, node: Node) -> &Bounds {
+    pub fn bounds(&self, node: BvhNode) -> &BoxCorners {
         &self.boxes[node.index]
     }
 
     /// The halves of a node, or the numbers of a leaf's facets.
-    pub fn open(&self, node: Node) -> Result<[Node; 2], std::ops::Range<usize>> {
-        let Node { index, low, high } = node;
+    pub fn open(&self, node: BvhNode) -> Result<[BvhNode; 2], std::ops::Range<usize>> {
+        let BvhNode { index, low, high } = node;
         if high - low <= LEAF {
             return Err(low..high);
         }
         let middle = low.midpoint(high);
         Ok([
-            Node { index: 2 * index + 1, low, high: middle },
-            Node { index: 2 * index + 2, low: middle, high },
+            BvhNode { index: 2 * index + 1, low, high: middle },
+            BvhNode { index: 2 * index + 2, low: middle, high },
         ])
     }
 
-    fn bound(&mut self, node: Node) -> Bounds {
+    fn bound(&mut self, node: BvhNode) -> BoxCorners {
         let bounds = match self.open(node) {
             Ok(halves) => {
                 let [a, b] = halves.map(|half| self.bound(half));
@@ -98,7 +98,7 @@ impl Tree {
     /// passes is computed from the edge's lower end, so the facets on both sides of it agree and no ray slips through.
     pub fn windings<const N: usize>(&self, points: [V3; N]) -> [i64; N] {
         // A path down the tree, and beside it a half of each node.
-        let mut open = [Node { index: 0, low: 0, high: 0 }; 64];
+        let mut open = [BvhNode { index: 0, low: 0, high: 0 }; 64];
         let (mut count, mut w) = (0, [0; N]);
         if let Some(root) = self.root() {
             (open[0], count) = (root, 1);
@@ -129,8 +129,9 @@ impl Tree {
     }
 
     /// Calls `visit` with the number of each facet whose box meets the one given.
-    pub fn meeting(&self, bounds: &Bounds, mut visit: impl FnMut(usize)) {
-        let apart = |other: &Bounds| (0..3).any(|k| bounds[1][k] < other[0][k] || bounds[0][k] > other[1][k]);
+    pub fn meeting(&self, bounds: &BoxCorners, mut visit: impl FnMut(usize)) {
+        let apart =
+            |other: &BoxCorners| (0..3).any(|k| bounds[1][k] < other[0][k] || bounds[0][k] > other[1][k]);
         let mut open = Vec::with_capacity(48);
         open.extend(self.root());
         while let Some(node) = open.pop() {
@@ -146,7 +147,7 @@ impl Tree {
 }
 
 /// The box around some facets.
-pub(crate) fn bounds_of(facets: &[Facet]) -> Bounds {
+pub(crate) fn bounds_of(facets: &[StlFacet]) -> BoxCorners {
     let mut bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
     for corner in facets.iter().flatten() {
         for k in 0..3 {
@@ -158,11 +159,11 @@ pub(crate) fn bounds_of(facets: &[Facet]) -> Bounds {
 }
 
 /// Halves by the median along the axis on which middles are spread widest, and again.
-fn order(facets: &mut [Facet]) {
+fn order(facets: &mut [StlFacet]) {
     if facets.len() <= LEAF {
         return;
     }
-    let middle = |facet: &Facet, k: usize| facet[0][k] + facet[1][k] + facet[2][k];
+    let middle = |facet: &StlFacet, k: usize| facet[0][k] + facet[1][k] + facet[2][k];
     let spread = |k: usize| {
         let bounds = |(low, high): (f32, f32), m: f32| (low.min(m), high.max(m));
         let of = facets.iter().map(|facet| middle(facet, k));
@@ -184,7 +185,7 @@ fn order(facets: &mut [Facet]) {
 
 /// +1 if the ray from `p` along +z leaves by the facet, −1 if it enters, 0 if it does not meet it.
 #[inline]
-fn crossing(facet: &Facet, p: V3) -> i64 {
+fn crossing(facet: &StlFacet, p: V3) -> i64 {
     let [a, b, c] = facet;
     // Most facets of a leaf are beside the ray.
     for k in 0..2 {
@@ -229,7 +230,7 @@ mod tests {
             let pile = Mesh::merged(&random_pile(300 + seed, 1 + 3 * seed as usize));
             let soup = pile.soup();
             let exact: Vec<_> = soup.iter().map(corners).collect();
-            let (tree, (low, high)) = (Tree::new(soup), pile.bounds());
+            let (tree, (low, high)) = (Bvh::new(soup), pile.bounds());
             let mut rng = Rng::new(seed);
             for _ in 0..300 {
                 let p = std::array::from_fn(|k| rng.range(low[k] - 1.0, high[k] + 1.0));
@@ -241,18 +242,18 @@ mod tests {
                 );
             }
         }
-        assert_eq!(Tree::new(Vec::new()).windings([[0.0; 3]]), [0]);
+        assert_eq!(Bvh::new(Vec::new()).windings([[0.0; 3]]), [0]);
     }
 
     #[test]
     fn every_facet_that_meets_a_box_is_told_once() {
         let soup = Mesh::merged(&random_pile(7, 20)).soup();
-        let tree = Tree::new(soup);
+        let tree = Bvh::new(soup);
         let asked = [[-3.0, -2.0, -1.0], [2.0, 4.0, 3.0]];
         let mut told = Vec::new();
         tree.meeting(&asked, |n| told.push(n));
         told.sort_unstable();
-        let meets = |facet: &Facet| {
+        let meets = |facet: &StlFacet| {
             let own = bounds_of(std::slice::from_ref(facet));
             (0..3).all(|k| asked[1][k] >= own[0][k] && asked[0][k] <= own[1][k])
         };

@@ -1,13 +1,13 @@
 //! Makes an indexed mesh of a facet soup.
 
-use crate::Facet;
+use crate::StlFacet;
 
 const EMPTY: u32 = u32::MAX;
 
 /// Welds corners with the same f32 bits (and −0 with +0) into vertices, numbered by first appearance.
 ///
 /// One open-addressing table of indices: a few bytes a vertex beside the result, one pass.
-pub fn weld(facets: &[Facet]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+pub fn weld(facets: &[StlFacet]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     // Closed meshes have half as many vertices as facets; the table grows if there are more.
     let mut table = Table::with_room(facets.len() / 2 + 16);
     let triangles = facets.iter().map(|f| f.map(|corner| table.index(corner.map(bits)))).collect();
@@ -82,7 +82,8 @@ mod tests {
         assert_eq!(vertices.len(), 4);
         assert_eq!(vertices[2], [f64::from(near), 1.0, 1.0]);
         // Enough distinct corners for the table to grow several times.
-        let many: Vec<Facet> = (0..500).map(|i| [0, 1, 2].map(|c| [(3 * i + c) as f32, 0.5, 0.0])).collect();
+        let many: Vec<StlFacet> =
+            (0..500).map(|i| [0, 1, 2].map(|c| [(3 * i + c) as f32, 0.5, 0.0])).collect();
         assert_eq!(weld(&many).0.len(), 1500);
     }
 }

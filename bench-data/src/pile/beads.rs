@@ -14,7 +14,7 @@
 //! Headings are random rather than parallel, so beads cross: of 4,000 random points in the 1 M pile 42 % lie in
 //! no bead, 26 % in one, 16 % in two, the deepest in ten; voids of every size remain between the beads.
 
-use crate::shapes::{Cap, Section, sweep};
+use crate::shapes::{BeadEnd, ConvexSection, sweep};
 use crate::trig::sin_cos;
 use crate::vector::add;
 use crate::{Mesh, Rng};
@@ -26,7 +26,7 @@ pub const SEGMENTS_PER_BEAD: u32 = 16;
 pub const FACETS_PER_BEAD: u32 = 500;
 
 const SIDES: u32 = 12;
-const CAP: Cap = Cap::Fused(2);
+const CAP: BeadEnd = BeadEnd::Fused(2);
 /// Sum of the bead volumes over the volume of the box.
 const FILL: f64 = 1.2;
 /// Bead height over width.
@@ -46,7 +46,7 @@ pub struct BeadPile {
     next: u64,
     width: f64,
     length: f64,
-    section: Section,
+    section: ConvexSection,
 }
 
 /// The pile of about `triangles` facets (a multiple of 500, at least 500) in the box 0..`size`, millimetres.
@@ -59,7 +59,7 @@ pub fn bead_pile(seed: u64, triangles: u64, size: [f64; 3]) -> BeadPile {
     let beads = ((triangles + per_bead / 2) / per_bead).max(1);
     let volume = FILL * size[0] * size[1] * size[2] / beads as f64;
     let (width, length) = dimensions(volume, size);
-    let section = Section::stadium(SIDES, width, FLATNESS * width);
+    let section = ConvexSection::stadium(SIDES, width, FLATNESS * width);
     BeadPile { seed, size, beads, next: 0, width, length, section }
 }
 
@@ -69,7 +69,7 @@ fn dimensions(volume: f64, size: [f64; 3]) -> (f64, f64) {
     // included: side·length + ends. Bends do not change it, mitred joints keep section times centre line.
     let bead = |length| {
         let path = [[0.0; 3], [length, 0.0, 0.0]];
-        sweep(&path, &Section::stadium(SIDES, 1.0, FLATNESS), [0.0, 0.0, 1.0], CAP).signed_volume()
+        sweep(&path, &ConvexSection::stadium(SIDES, 1.0, FLATNESS), [0.0, 0.0, 1.0], CAP).signed_volume()
     };
     let side = bead(2.0) - bead(1.0);
     let ends = bead(1.0) - side;

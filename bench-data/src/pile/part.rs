@@ -62,7 +62,7 @@ mod tests {
     use super::*;
     use crate::judge::boundary::Union;
     use crate::judge::mesh::check_soup;
-    use crate::judge::tree::Tree;
+    use crate::judge::tree::Bvh;
 
     #[test]
     fn pieces_are_closed_and_half_of_them_are_taken_away() {
@@ -79,8 +79,8 @@ mod tests {
         let whole = Mesh::merged(&part);
         let (low, high) = whole.bounds();
         let union = Union::new(whole.soup());
-        let alone = |piece: &Mesh| (piece.signed_volume() > 0.0, Tree::new(piece.soup()));
-        let pieces: Vec<(bool, Tree)> = part.iter().map(alone).collect();
+        let alone = |piece: &Mesh| (piece.signed_volume() > 0.0, Bvh::new(piece.soup()));
+        let pieces: Vec<(bool, Bvh)> = part.iter().map(alone).collect();
         let (mut rng, mut pockets) = (Rng::new(2), 0);
         for _ in 0..5000 {
             let p = std::array::from_fn(|k| rng.range(low[k], high[k]));

@@ -1,8 +1,8 @@
 //! Piles for property tests: small, and as nasty as closed pieces can be.
 
 use crate::shapes::{
-    Cap, Polygon, Section, cuboid, extrude, icosphere, octahedron, slant, spiked_cube, spiral_tube, sweep,
-    tetrahedron, torus,
+    BeadEnd, ConvexSection, Polygon, cuboid, extrude, icosphere, octahedron, slant, spiked_cube, spiral_tube,
+    sweep, tetrahedron, torus,
 };
 use crate::{Mesh, Rng};
 
@@ -56,7 +56,7 @@ fn bent_bead(rng: &mut Rng) -> Mesh {
         at = [at[0] + 0.4, at[1] + rng.range(-0.3, 0.3), at[2] + rng.range(-0.3, 0.3)];
         path.push(at);
     }
-    sweep(&path, &Section::stadium(8, 0.4, 0.2), [0.0, 0.0, 1.0], Cap::Fused(2))
+    sweep(&path, &ConvexSection::stadium(8, 0.4, 0.2), [0.0, 0.0, 1.0], BeadEnd::Fused(2))
 }
 
 /// `pieces` closed meshes whose vertices are multiples of `step` in 0..=`cells`·`step`, for `cells` ≥ 8: boxes,

@@ -9,4 +9,4 @@ mod sweep;
 
 pub use extrude::{Polygon, extrude};
 pub use solids::{cuboid, icosphere, octahedron, slant, spiked_cube, tetrahedron, torus};
-pub use sweep::{Cap, Section, helix, spiral_tube, sweep};
+pub use sweep::{BeadEnd, ConvexSection, helix, spiral_tube, sweep};

@@ -7,22 +7,22 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// A convex cross-section about the origin, counter-clockwise with u across and v up.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Section(Vec<[f64; 2]>);
+pub struct ConvexSection(Vec<[f64; 2]>);
 
-impl Section {
+impl ConvexSection {
     /// `n` ≥ 3 points on an ellipse. The inscribed polygon has n/2π·sin(2π/n) of the ellipse's area.
-    pub fn ellipse(n: u32, width: f64, height: f64) -> Section {
+    pub fn ellipse(n: u32, width: f64, height: f64) -> ConvexSection {
         assert!(n >= 3 && width > 0.0 && height > 0.0);
         let point = |i| {
             let (s, c) = sin_cos(TAU * (f64::from(i) + 0.5) / f64::from(n));
             [0.5 * width * c, 0.5 * height * s]
         };
-        Section((0..n).map(point).collect())
+        ConvexSection((0..n).map(point).collect())
     }
 
     /// A stadium, the usual model of a deposited bead: a rectangle between two half circles of diameter
     /// `height`, each with half of the `n` points; `n` even, at least 6, `width` > `height`.
-    pub fn stadium(n: u32, width: f64, height: f64) -> Section {
+    pub fn stadium(n: u32, width: f64, height: f64) -> ConvexSection {
         assert!(n >= 6 && n.is_multiple_of(2) && width > height && height > 0.0);
         let half = n / 2;
         let point = |i| {
@@ -31,7 +31,7 @@ impl Section {
         };
         let right: Vec<[f64; 2]> = (0..half).map(point).collect();
         let left = right.iter().map(|p| [-p[0], -p[1]]);
-        Section(right.iter().copied().chain(left).collect())
+        ConvexSection(right.iter().copied().chain(left).collect())
     }
 
     /// The points in order.
@@ -48,19 +48,19 @@ impl Section {
 
 /// How a bead ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cap {
+pub enum BeadEnd {
     /// A flat fan of n − 2 triangles.
     Flat,
     /// That many ever smaller rings that round the end off over half the bead's width, then a fan.
     Fused(u32),
 }
 
-impl Cap {
+impl BeadEnd {
     /// Rings added at each end.
     pub fn rings(self) -> u32 {
         match self {
-            Cap::Flat => 0,
-            Cap::Fused(rings) => rings,
+            BeadEnd::Flat => 0,
+            BeadEnd::Fused(rings) => rings,
         }
     }
 
@@ -81,7 +81,7 @@ impl Cap {
 ///
 /// # Panics
 /// If the path has fewer than two points, repeats one, or turns by more than 150° at one.
-pub fn sweep(path: &[[f64; 3]], section: &Section, up: [f64; 3], cap: Cap) -> Mesh {
+pub fn sweep(path: &[[f64; 3]], section: &ConvexSection, up: [f64; 3], cap: BeadEnd) -> Mesh {
     assert!(path.len() >= 2, "a bead needs two points");
     let along: Vec<V3> = path.windows(2).map(|p| unit(sub(p[1], p[0]))).collect();
     let (first, last) = (along[0], along[along.len() - 1]);
@@ -113,7 +113,7 @@ pub fn sweep(path: &[[f64; 3]], section: &Section, up: [f64; 3], cap: Cap) -> Me
 }
 
 /// The section's points as offsets across the direction `along`.
-fn placed(section: &Section, along: V3, up: V3) -> Vec<V3> {
+fn placed(section: &ConvexSection, along: V3, up: V3) -> Vec<V3> {
     let mut side = cross(up, along);
     if norm(side) < 1e-6 {
         // The axis that runs least along the path.
@@ -169,6 +169,6 @@ pub fn helix(turns: u32, steps: u32, radius: f64, pitch: f64) -> Vec<[f64; 3]> {
 /// A round tube of `diameter` along a helix. With `pitch` < `diameter` it overlaps itself, with w = 2 (and 3 where
 /// the pitch is below half of it) between the turns.
 pub fn spiral_tube(turns: u32, steps: u32, radius: f64, pitch: f64, diameter: f64) -> Mesh {
-    let section = Section::ellipse(16, diameter, diameter);
-    sweep(&helix(turns, steps, radius, pitch), &section, [0.0, 0.0, 1.0], Cap::Flat)
+    let section = ConvexSection::ellipse(16, diameter, diameter);
+    sweep(&helix(turns, steps, radius, pitch), &section, [0.0, 0.0, 1.0], BeadEnd::Flat)
 }

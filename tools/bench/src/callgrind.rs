@@ -1,7 +1,7 @@
 //! Counts of instructions as valgrind's callgrind writes them.
 
 use crate::child;
-use crate::plan::Line;
+use crate::plan::CommandLine;
 use anyhow::{Context, anyhow};
 use brickfield_terminal::failure::Failure;
 use std::collections::HashMap;
@@ -22,7 +22,7 @@ const OPTIONS: [&str; 5] = [
 
 /// What a run executed.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Profile {
+pub struct InstructionProfile {
     /// Instructions of the whole process.
     pub total: u64,
     /// Instructions of each function and of all that it calls, by its path in the source. Those that call themselves
@@ -44,17 +44,18 @@ pub fn version() -> Result<String, Failure> {
 ///
 /// # Errors
 /// As [`child::run`], or if valgrind wrote no counts.
-pub fn profile(args: &Line, folder: &Path) -> Result<Profile, Failure> {
+pub fn profile(args: &CommandLine, folder: &Path) -> Result<InstructionProfile, Failure> {
     let mut command = Command::new("valgrind");
     command.args(OPTIONS).arg(child::program()?).args(args);
     child::run(command, folder, None)?;
     let text = fs::read_to_string(folder.join(OUT)).with_context(|| format!("{OUT}: cannot be read"))?;
-    Ok(Profile::parse(&text).ok_or_else(|| anyhow!("{OUT}: no counts; is this valgrind's callgrind?"))?)
+    Ok(InstructionProfile::parse(&text)
+        .ok_or_else(|| anyhow!("{OUT}: no counts; is this valgrind's callgrind?"))?)
 }
 
-impl Profile {
+impl InstructionProfile {
     /// Of a file without compressed names: costs stand below the function, also those of calls, which are inclusive.
-    fn parse(text: &str) -> Option<Profile> {
+    fn parse(text: &str) -> Option<InstructionProfile> {
         let (mut total, mut inclusive) = (None, HashMap::<&str, u64>::new());
         let mut function = "";
         for line in text.lines() {
@@ -69,7 +70,7 @@ impl Profile {
             }
         }
         let inclusive = inclusive.into_iter().map(|(name, sum)| (name.to_owned(), sum)).collect();
-        Some(Profile { total: total?, inclusive })
+        Some(InstructionProfile { total: total?, inclusive })
     }
 
     /// Instructions of a function in any crate of the engine, named from the crate's root, and of all that it calls; none if it was not called, or is part of
@@ -104,9 +105,9 @@ mod tests {
             fl=a.rs\nfn=brickfield_mesh::a::outer\n0 10\ncfn=brickfield_core::a::inner\ncalls=2 0\n0 30\n\
             fn=brickfield_core::a::inner\n0 25\ncfn=x::vectorize::vectorize_avx2\ncalls=1 0\n0 5\n\
             fn=x::vectorize::vectorize_avx2\n0 5\nfn=main\n0 20\ntotals: 60\n";
-        let profile = Profile::parse(text).unwrap();
+        let profile = InstructionProfile::parse(text).unwrap();
         assert_eq!((profile.total, profile.of("a::outer"), profile.of("a::inner")), (60, Some(40), Some(30)));
         assert_eq!((profile.of("a::none"), profile.vectors()), (None, Some("AVX2")));
-        assert_eq!(Profile::parse("solid"), None);
+        assert_eq!(InstructionProfile::parse("solid"), None);
     }
 }

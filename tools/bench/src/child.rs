@@ -20,7 +20,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(2);
 const TICKS: f64 = 100.0;
 
 /// What a process took, and what it printed.
-pub struct Ran {
+pub struct ProcessRun {
     pub seconds: f64,
     /// User and system time, to 10 ms.
     pub cpu_seconds: f64,
@@ -70,7 +70,7 @@ pub fn version() -> Result<String, Failure> {
 ///
 /// # Errors
 /// If it fails, with what it said, or the user asked to stop.
-pub fn run_measured(args: &[OsString], folder: &Path) -> Result<Ran, Failure> {
+pub fn run_measured(args: &[OsString], folder: &Path) -> Result<ProcessRun, Failure> {
     let mut command = Command::new(program()?);
     command.args(args);
     run(command, folder, None)
@@ -80,7 +80,7 @@ pub fn run_measured(args: &[OsString], folder: &Path) -> Result<Ran, Failure> {
 ///
 /// # Errors
 /// As [`run_measured`], or if it takes longer.
-pub fn run(mut command: Command, folder: &Path, limit: Option<Duration>) -> Result<Ran, Failure> {
+pub fn run(mut command: Command, folder: &Path, limit: Option<Duration>) -> Result<ProcessRun, Failure> {
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let name = told(&command);
     let cpu_before = processor_seconds(CHILDREN);
@@ -116,15 +116,20 @@ pub fn run(mut command: Command, folder: &Path, limit: Option<Duration>) -> Resu
         return Err(anyhow!("{name}: {status}: {last}").into());
     }
     let printed = printed.with_context(|| format!("cannot read what {name} printed"))?;
-    Ok(Ran { seconds, cpu_seconds: processor_seconds(CHILDREN) - cpu_before, anonymous_bytes, printed })
+    Ok(ProcessRun {
+        seconds,
+        cpu_seconds: processor_seconds(CHILDREN) - cpu_before,
+        anonymous_bytes,
+        printed,
+    })
 }
 
 /// Work of this process, timed as if it were one of its own. What it takes of memory cannot be told from what was there.
-pub fn here<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<(Ran, T), Failure> {
+pub fn here<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<(ProcessRun, T), Failure> {
     let (start, cpu_before) = (Instant::now(), processor_seconds(OWN));
     let done = work()?;
     let (seconds, cpu_seconds) = (start.elapsed().as_secs_f64(), processor_seconds(OWN) - cpu_before);
-    Ok((Ran { seconds, cpu_seconds, anonymous_bytes: 0, printed: Vec::new() }, done))
+    Ok((ProcessRun { seconds, cpu_seconds, anonymous_bytes: 0, printed: Vec::new() }, done))
 }
 
 fn read_all(mut pipe: ChildStdout) -> std::io::Result<Vec<u8>> {

@@ -2,7 +2,7 @@
 
 use crate::args::BenchCompareArgs;
 use crate::peers::PEERS;
-use crate::result::{Figure, Results, Spread};
+use crate::result::{Figure, Results, RoundSpread};
 use crate::table::number;
 use anyhow::anyhow;
 use brickfield_terminal::failure::Failure;
@@ -40,8 +40,8 @@ enum Verdict {
 struct Compared {
     figure: String,
     verdict: Verdict,
-    before: Spread,
-    after: Spread,
+    before: RoundSpread,
+    after: RoundSpread,
     /// Median after over median before.
     ratio: f64,
     /// The same of times in read floors.
@@ -60,9 +60,9 @@ struct Comparison {
     same_machine: bool,
     equal: bool,
     /// Ratios of all figures of the same input and result.
-    ratio: Option<Spread>,
+    ratio: Option<RoundSpread>,
     /// And their noise.
-    noise: Option<Spread>,
+    noise: Option<RoundSpread>,
     figures: Vec<Compared>,
     only_before: Vec<String>,
     only_after: Vec<String>,
@@ -98,7 +98,7 @@ pub fn run(args: &BenchCompareArgs) -> Result<(), Failure> {
         let other = [Verdict::OtherResult, Verdict::OtherInput];
         let values: Vec<f64> =
             figures.iter().filter(|figure| !other.contains(&figure.verdict)).map(value).collect();
-        (!values.is_empty()).then(|| Spread::of(values.into_iter()))
+        (!values.is_empty()).then(|| RoundSpread::of(values.into_iter()))
     };
     let [a, b] = names;
     let comparison = Comparison {
@@ -147,12 +147,13 @@ fn compare(a: &Figure, b: &Figure, same_input: bool) -> Compared {
 }
 
 /// Three standard errors of the ratio of two medians.
-fn noise(a: Spread, b: Spread) -> f64 {
+fn noise(a: RoundSpread, b: RoundSpread) -> f64 {
     if a.rounds.min(b.rounds) < ROUNDS_TO_TELL {
         return UNKNOWN_NOISE;
     }
-    let error =
-        |s: Spread| ERROR_OF_MEDIAN * SIGMA_OF_DEVIATION * s.deviation / s.median / (s.rounds as f64).sqrt();
+    let error = |s: RoundSpread| {
+        ERROR_OF_MEDIAN * SIGMA_OF_DEVIATION * s.deviation / s.median / (s.rounds as f64).sqrt()
+    };
     (ERRORS_BEYOND * error(a).hypot(error(b))).max(LEAST_NOISE)
 }
 
@@ -161,7 +162,7 @@ fn as_text(comparison: &Comparison) -> String {
         comparison;
     let mut text = format!("{}\n", summary(comparison));
     if let (Some(ratio), Some(noise)) = (ratio, noise) {
-        let Spread { median, min, max, .. } = noise.scaled(100.0);
+        let RoundSpread { median, min, max, .. } = noise.scaled(100.0);
         text += &format!(
             "  all together: {} times as long by the median ({} to {}); noise {median:.0} % ({min:.0} to {max:.0})\n",
             number(ratio.median),
@@ -222,8 +223,8 @@ fn summary(comparison: &Comparison) -> String {
 mod tests {
     use super::*;
 
-    fn spread(values: &[f64]) -> Spread {
-        Spread::of(values.iter().copied())
+    fn spread(values: &[f64]) -> RoundSpread {
+        RoundSpread::of(values.iter().copied())
     }
 
     #[test]

@@ -6,11 +6,11 @@
 
 use crate::child;
 use crate::line;
-use crate::peers::{LIMIT, PEERS, Question, Who, command, put_question};
+use crate::peers::{Implementation, LIMIT, PEERS, PeerQuestion, command, put_question};
 use crate::plan::{Bench, figure};
 use crate::result::Results;
 use crate::suites::out;
-use crate::table::{Table, memory, number, range};
+use crate::table::{TextTable, memory, number, range};
 use brickfield_bench_data::inputs::{self, Spec};
 use brickfield_engine::Silent;
 use brickfield_engine::contour::{ContourOptions, MeshArrays, contour};
@@ -40,7 +40,7 @@ pub fn inputs(quick: bool) -> [&'static Spec; 2] {
 }
 
 /// Adds all questions.
-pub fn ask(bench: &mut Bench<'_>, python: &OsStr, questions: &mut Vec<Question>) -> Result<(), Failure> {
+pub fn ask(bench: &mut Bench<'_>, python: &OsStr, questions: &mut Vec<PeerQuestion>) -> Result<(), Failure> {
     let depths = asked(bench.quick).1;
     for input in inputs(bench.quick) {
         for depth in depths {
@@ -86,14 +86,14 @@ impl Contoured {
         format!("{}-{}.{ending}", self.input.name.trim_end_matches(".stl"), self.depth)
     }
 
-    fn question(&self, name: &str, who: Who) -> Question {
+    fn question(&self, name: &str, who: Implementation) -> PeerQuestion {
         let cells = self.cells();
         let figure = figure(PEERS, self.input, &format!("{name}, {cells}³ cells"), &[(CELLS, cells.into())]);
-        Question::new(figure, self.input, who)
+        PeerQuestion::new(figure, self.input, who)
     }
 
     /// From the store to arrays, and to a durable file.
-    fn ask_us(&self, bench: &Bench<'_>, questions: &mut Vec<Question>) {
+    fn ask_us(&self, bench: &Bench<'_>, questions: &mut Vec<PeerQuestion>) {
         for (tolerance, intersection_free) in TOLERANCES {
             let mut how = String::new();
             if tolerance > 0.0 {
@@ -110,10 +110,11 @@ impl Contoured {
                     (!intersection_free).then_some(line!["--intersection-free", "no"]).into_iter().flatten(),
                 );
                 line.extend(bench.threads());
-                Who::Us(vec![line], None)
+                Implementation::Us(vec![line], None)
             };
             let store = bench.folder.join(self.file("brf"));
-            let arrays = Who::Here(Box::new(move || into_arrays(&store, length, intersection_free)));
+            let arrays =
+                Implementation::Here(Box::new(move || into_arrays(&store, length, intersection_free)));
             let name = format!("this program, store to arrays{how}");
             questions.push(self.question(&name, arrays).checked_by(mesh("ply")));
             questions.push(self.question(&format!("this program, store to STL{how}"), mesh("stl")));
@@ -127,13 +128,13 @@ impl Contoured {
         peer: &'static str,
         bench: &Bench<'_>,
         told: Value,
-    ) -> Result<Question, Failure> {
+    ) -> Result<PeerQuestion, Failure> {
         let stem = name.replace(|letter: char| !letter.is_ascii_alphanumeric(), "-");
         let of = |ending: &str| format!("{stem}-{}", self.file(ending));
         let mut with_mesh = told.clone();
         with_mesh["mesh"] = out("mesh.ply").into();
-        let plain = Who::Peer(peer, put_question(bench, &of("question"), &told)?);
-        let check = Who::Peer(peer, put_question(bench, &of("check.question"), &with_mesh)?);
+        let plain = Implementation::Peer(peer, put_question(bench, &of("question"), &told)?);
+        let check = Implementation::Peer(peer, put_question(bench, &of("check.question"), &with_mesh)?);
         Ok(self.question(name, plain).checked_by(check))
     }
 
@@ -142,7 +143,7 @@ impl Contoured {
         &self,
         bench: &mut Bench<'_>,
         python: &OsStr,
-        questions: &mut Vec<Question>,
+        questions: &mut Vec<PeerQuestion>,
     ) -> Result<(), Failure> {
         let (store, mesh) = (self.file("brf"), self.file("ply"));
         bench.prepare(line!["mesh", &store, "-o", &mesh, "--quiet"])?;
@@ -188,8 +189,8 @@ fn into_arrays(store: &Path, tolerance: f64, intersection_free: bool) -> Result<
 }
 
 /// Who contours how fast.
-pub fn table(results: &Results) -> Table {
-    let mut table = Table::new(&[
+pub fn table(results: &Results) -> TextTable {
+    let mut table = TextTable::new(&[
         "input",
         "who",
         "s",

@@ -1,6 +1,6 @@
 //! How errors are spread: counts by decade, and their picture, one panel for each who answered.
 
-use crate::plots::{COLOURS, Drawing};
+use crate::plots::{COLOURS, PlotDrawing};
 use plotters::prelude::*;
 use serde_json::{Map, Value, json};
 use std::error::Error;
@@ -81,9 +81,9 @@ fn edge(bin: usize) -> String {
 ///
 /// # Errors
 /// If there is nothing to draw.
-pub fn draw(name: String, title: String, panels: &[Panel]) -> anyhow::Result<Drawing> {
+pub fn draw(name: String, title: String, panels: &[Panel]) -> anyhow::Result<PlotDrawing> {
     let svg = svg(&title, panels).map_err(|error| anyhow::anyhow!("{title}: cannot be drawn: {error}"))?;
-    Ok(Drawing { name, title, svg })
+    Ok(PlotDrawing { name, title, svg })
 }
 
 fn svg(title: &str, panels: &[Panel]) -> Result<String, Box<dyn Error>> {

@@ -4,7 +4,7 @@ use crate::child;
 use crate::result::InputFact;
 use anyhow::{Context, anyhow};
 use brickfield_bench_data::inputs::{Recipe, Spec};
-use brickfield_bench_data::write::Hashed;
+use brickfield_bench_data::write::HashingWriter;
 use brickfield_engine::Progress;
 use brickfield_engine::part::{PartFile, free_bytes};
 use brickfield_terminal::failure::Failure;
@@ -146,7 +146,7 @@ impl io::Write for Told<'_> {
 /// FNV-1a of a file and its length.
 fn hash_of(path: &Path, progress: &dyn Progress) -> io::Result<(u64, u64)> {
     let (mut file, mut buffer) = (File::open(path)?, vec![0; 1 << 20]);
-    let mut hashed = Hashed::new(io::sink());
+    let mut hashed = HashingWriter::new(io::sink());
     loop {
         let bytes = file.read(&mut buffer)?;
         if bytes == 0 || progress.cancelled() {

@@ -8,8 +8,8 @@ use crate::args::BenchInstructionsArgs;
 use crate::inputs::Cache;
 use crate::line;
 use crate::measure::write_file;
-use crate::plan::{Bench, Line};
-use crate::table::{Table, number};
+use crate::plan::{Bench, CommandLine};
+use crate::table::{TextTable, number};
 use crate::{callgrind, child};
 use anyhow::{Context, anyhow};
 use brickfield_bench_data::inputs;
@@ -51,7 +51,7 @@ struct Count {
 /// A command and the functions in it that are kernels, by what they do.
 struct Case {
     name: &'static str,
-    line: Line,
+    line: CommandLine,
     kernels: &'static [(&'static str, &'static str)],
 }
 
@@ -115,7 +115,7 @@ fn cases(bench: &mut Bench<'_>) -> Result<Vec<Case>, Failure> {
     fs::write(&toolpath, inputs::SPOT_TWO_TOOLS.bytes)
         .with_context(|| format!("{}: cannot be written", in_line(&toolpath)))?;
     let points = bench.points(1_000)?;
-    let quiet = |mut line: Line| {
+    let quiet = |mut line: CommandLine| {
         line.extend(line!["--threads", "1", "--quiet"]);
         line
     };
@@ -208,7 +208,7 @@ impl Counts {
         if let Some(before) = baseline.filter(|before| of(before) != of(self)) {
             text += &format!("before: {}\n", of(before));
         }
-        let mut table = Table::new(&["command", "kernel", "million instructions", "before", "change"]);
+        let mut table = TextTable::new(&["command", "kernel", "million instructions", "before", "change"]);
         for Count { command, kernel, instructions } in &self.counts {
             let same = |other: &&Count| (&other.command, &other.kernel) == (command, kernel);
             let before =

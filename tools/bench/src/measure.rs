@@ -23,7 +23,7 @@ pub fn run(args: BenchRunArgs) -> Result<(), Failure> {
         [&args.output, &args.report].into_iter().flatten().map(PathBuf::as_path).collect();
     require_distinct(&outputs, &[])?;
     // Refused before the long work.
-    let format = args.report.as_deref().map(report::Format::of).transpose()?;
+    let format = args.report.as_deref().map(report::ReportFormat::of).transpose()?;
     let cache = Cache::open(args.cache)?;
     let mut suites = args.suites.clone();
     if suites.is_empty() {
@@ -165,7 +165,7 @@ fn measure_once(job: &mut Job, bench: &Bench<'_>) -> Result<(), Failure> {
     let is_mesh = job.input.name.ends_with(".stl");
     let floor_seconds = floor::read_floor(&bench.cache.path(job.input), is_mesh)?;
     let mut facts = job.known.clone();
-    let mut run_all = |lines: &[plan::Line]| -> Result<Round, Failure> {
+    let mut run_all = |lines: &[plan::CommandLine]| -> Result<Round, Failure> {
         bench.empty_out()?;
         let mut round = Round { seconds: 0.0, cpu_seconds: 0.0, floor_seconds, anonymous_bytes: 0 };
         for line in lines {

@@ -3,12 +3,12 @@
 //! took, reading not counted.
 
 use crate::args::SuiteArg;
-use crate::child::{self, Ran};
+use crate::child::{self, ProcessRun};
 use crate::contours;
 use crate::floor::read_floor;
 use crate::histogram::Histogram;
 use crate::line;
-use crate::plan::{Bench, Line, figure};
+use crate::plan::{Bench, CommandLine, figure};
 use crate::result::{Figure, Round};
 use crate::suites::out;
 use anyhow::Context;
@@ -43,36 +43,36 @@ const UNION_DEPTH: u32 = 4;
 const PIECE: u32 = brickfield_bench_data::pile::FACETS_PER_BEAD;
 
 /// Something asked of somebody.
-pub struct Question {
+pub struct PeerQuestion {
     figure: Figure,
     input: &'static Spec,
-    who: Who,
+    who: Implementation,
     /// It took so long that once is enough.
     is_long: bool,
     /// What the judged samples are.
     judged: Option<Vec<f64>>,
     /// Who writes the mesh as `out/mesh.ply`, to be checked once.
-    check: Option<Who>,
+    check: Option<Implementation>,
 }
 
-pub enum Who {
+pub enum Implementation {
     /// This program: the commands, and one that prints the judged samples.
-    Us(Vec<Line>, Option<Line>),
+    Us(Vec<CommandLine>, Option<CommandLine>),
     /// A function of this program, called in its own process, and what it tells.
     Here(Box<dyn Fn() -> Result<Value, Failure>>),
     /// A function of the script and the file of its question.
     Peer(&'static str, String),
 }
 
-impl Question {
+impl PeerQuestion {
     /// With nothing to be judged or checked.
-    pub fn new(figure: Figure, input: &'static Spec, who: Who) -> Question {
-        Question { figure, input, who, is_long: false, judged: None, check: None }
+    pub fn new(figure: Figure, input: &'static Spec, who: Implementation) -> PeerQuestion {
+        PeerQuestion { figure, input, who, is_long: false, judged: None, check: None }
     }
 
     /// Says how many pairs of triangles meet in the mesh that `who` writes.
-    pub fn checked_by(self, who: Who) -> Question {
-        Question { check: Some(who), ..self }
+    pub fn checked_by(self, who: Implementation) -> PeerQuestion {
+        PeerQuestion { check: Some(who), ..self }
     }
 }
 
@@ -152,7 +152,7 @@ pub fn measure(
 fn ask_for_samples(
     bench: &mut Bench<'_>,
     soup: &'static Spec,
-    questions: &mut Vec<Question>,
+    questions: &mut Vec<PeerQuestion>,
 ) -> Result<(), Failure> {
     let (path, stem) = (bench.input(soup)?, soup.name.trim_end_matches(".stl"));
     let store = format!("{stem}.brf");
@@ -177,14 +177,14 @@ fn ask_for_samples(
     let sample = line!["sample", &store, "--points", &points];
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, {SAMPLES}³ samples"), &[]);
-        questions.push(Question { judged: judged.clone(), ..Question::new(figure, soup, who) });
+        questions.push(PeerQuestion { judged: judged.clone(), ..PeerQuestion::new(figure, soup, who) });
     };
-    ask("this program, build and export", Who::Us(ours, Some(sample)));
-    ask("libigl, fast winding number", Who::Peer("libigl-fast", file.clone()));
-    ask("libigl, winding number", Who::Peer("libigl-exact", file.clone()));
-    ask("MeshLib, fast winding number", Who::Peer("meshlib-fast", file.clone()));
-    ask("trueform, fast winding number", Who::Peer("trueform-fast", file.clone()));
-    ask("Open3D, occupancy", Who::Peer("open3d-occupancy", file));
+    ask("this program, build and export", Implementation::Us(ours, Some(sample)));
+    ask("libigl, fast winding number", Implementation::Peer("libigl-fast", file.clone()));
+    ask("libigl, winding number", Implementation::Peer("libigl-exact", file.clone()));
+    ask("MeshLib, fast winding number", Implementation::Peer("meshlib-fast", file.clone()));
+    ask("trueform, fast winding number", Implementation::Peer("trueform-fast", file.clone()));
+    ask("Open3D, occupancy", Implementation::Peer("open3d-occupancy", file));
     Ok(())
 }
 
@@ -213,7 +213,7 @@ fn samples_within(bench: &Bench<'_>, soup: &Spec, grid: &Value) -> Result<Vec<(u
 fn ask_for_meshes(
     bench: &mut Bench<'_>,
     soup: &'static Spec,
-    questions: &mut Vec<Question>,
+    questions: &mut Vec<PeerQuestion>,
 ) -> Result<(), Failure> {
     let path = bench.input(soup)?;
     bench.prepare(bench.build(&path, "mesh.brf", &["--depth", "2"]))?;
@@ -223,12 +223,12 @@ fn ask_for_meshes(
     let file = put_question(bench, "mesh.question", &told)?;
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, mesh of 128³ samples"), &[]);
-        questions.push(Question::new(figure, soup, who));
+        questions.push(PeerQuestion::new(figure, soup, who));
     };
     let ours = line!["mesh", "mesh.brf", "-o", out("mesh.stl"), "--quiet", "--json"];
-    ask("this program, mesh to STL", Who::Us(vec![ours], None));
-    ask("scikit-image, marching cubes", Who::Peer("skimage-cubes", file.clone()));
-    ask("VTK, flying edges", Who::Peer("vtk-edges", file));
+    ask("this program, mesh to STL", Implementation::Us(vec![ours], None));
+    ask("scikit-image, marching cubes", Implementation::Peer("skimage-cubes", file.clone()));
+    ask("VTK, flying edges", Implementation::Peer("vtk-edges", file));
     Ok(())
 }
 
@@ -236,7 +236,7 @@ fn ask_for_meshes(
 fn ask_for_union(
     bench: &mut Bench<'_>,
     soup: &'static Spec,
-    questions: &mut Vec<Question>,
+    questions: &mut Vec<PeerQuestion>,
 ) -> Result<(), Failure> {
     let path = bench.input(soup)?;
     let cells = 32u32 << UNION_DEPTH;
@@ -246,19 +246,19 @@ fn ask_for_union(
     let mesh = line!["mesh", out("part.brf"), "-o", out("mesh.stl"), "--quiet", "--json"];
     let mut ask = |name: &str, who| {
         let figure = figure(PEERS, soup, &format!("{name}, union"), &[]);
-        questions.push(Question::new(figure, soup, who));
+        questions.push(PeerQuestion::new(figure, soup, who));
     };
     let ours = format!("this program, build --depth {UNION_DEPTH} and mesh");
-    ask(&ours, Who::Us(vec![build, mesh], None));
-    ask("Manifold, exact Booleans", Who::Peer("manifold-union", file.clone()));
-    ask("trueform, exact Booleans", Who::Peer("trueform-union", file.clone()));
+    ask(&ours, Implementation::Us(vec![build, mesh], None));
+    ask("Manifold, exact Booleans", Implementation::Peer("manifold-union", file.clone()));
+    ask("trueform, exact Booleans", Implementation::Peer("trueform-union", file.clone()));
     let openvdb = format!("OpenVDB, level set of {cells}³ cells and mesh");
-    ask(&openvdb, Who::Peer("openvdb-union", file));
+    ask(&openvdb, Implementation::Peer("openvdb-union", file));
     Ok(())
 }
 
 /// Asks once. What goes wrong with a peer is told in its row.
-fn answer(question: &mut Question, bench: &Bench<'_>, python: &OsStr) -> Result<(), Failure> {
+fn answer(question: &mut PeerQuestion, bench: &Bench<'_>, python: &OsStr) -> Result<(), Failure> {
     if question.figure.failed.is_some() || question.is_long {
         return Ok(());
     }
@@ -266,7 +266,7 @@ fn answer(question: &mut Question, bench: &Bench<'_>, python: &OsStr) -> Result<
     let empty = Round { seconds: 0.0, cpu_seconds: 0.0, floor_seconds, anonymous_bytes: 0 };
     bench.empty_out()?;
     let (round, told) = match &question.who {
-        Who::Us(lines, sample) => {
+        Implementation::Us(lines, sample) => {
             let (mut round, mut told) = (empty, Map::new());
             for line in lines {
                 let ran = child::run_measured(line, &bench.folder)?;
@@ -279,28 +279,30 @@ fn answer(question: &mut Question, bench: &Bench<'_>, python: &OsStr) -> Result<
             }
             (round, Value::Object(told))
         }
-        Who::Here(work) => {
+        Implementation::Here(work) => {
             let (ran, told) = child::here(work)?;
             let mut round = empty;
             round.add(&ran);
             (round, told)
         }
-        Who::Peer(name, file) => match child::run(command(python, name, file), &bench.folder, Some(LIMIT)) {
-            Ok(ran) => {
-                let told: Value = serde_json::from_slice(&ran.printed).unwrap_or(Value::Null);
-                let mut round = empty;
-                round.add(&ran);
-                question.is_long = ran.seconds > LONG.as_secs_f64();
-                round.seconds = told["seconds"].as_f64().unwrap_or(0.0);
-                (round, told)
+        Implementation::Peer(name, file) => {
+            match child::run(command(python, name, file), &bench.folder, Some(LIMIT)) {
+                Ok(ran) => {
+                    let told: Value = serde_json::from_slice(&ran.printed).unwrap_or(Value::Null);
+                    let mut round = empty;
+                    round.add(&ran);
+                    question.is_long = ran.seconds > LONG.as_secs_f64();
+                    round.seconds = told["seconds"].as_f64().unwrap_or(0.0);
+                    (round, told)
+                }
+                Err(failure) if interrupt::requested() => return Err(failure),
+                Err(failure) => {
+                    question.figure.rounds.clear();
+                    question.figure.failed = Some(why(&failure));
+                    return Ok(());
+                }
             }
-            Err(failure) if interrupt::requested() => return Err(failure),
-            Err(failure) => {
-                question.figure.rounds.clear();
-                question.figure.failed = Some(why(&failure));
-                return Ok(());
-            }
-        },
+        }
     };
     tell(question, round, &told);
     match question.check.take() {
@@ -324,16 +326,21 @@ pub fn put_question(bench: &Bench<'_>, name: &str, told: &Value) -> Result<Strin
 }
 
 /// Has the mesh written and counts the pairs of triangles that meet where they must not.
-fn tell_pairs(question: &mut Question, who: &Who, bench: &Bench<'_>, python: &OsStr) -> Result<(), Failure> {
+fn tell_pairs(
+    question: &mut PeerQuestion,
+    who: &Implementation,
+    bench: &Bench<'_>,
+    python: &OsStr,
+) -> Result<(), Failure> {
     bench.empty_out()?;
     match who {
-        Who::Us(lines, _) => {
+        Implementation::Us(lines, _) => {
             for line in lines {
                 child::run_measured(line, &bench.folder)?;
             }
         }
-        Who::Here(work) => drop(work()?),
-        Who::Peer(name, file) => {
+        Implementation::Here(work) => drop(work()?),
+        Implementation::Peer(name, file) => {
             child::run(command(python, name, file), &bench.folder, Some(LIMIT))?;
         }
     }
@@ -344,8 +351,8 @@ fn tell_pairs(question: &mut Question, who: &Who, bench: &Bench<'_>, python: &Os
 }
 
 /// Adds a round, and what was answered.
-fn tell(question: &mut Question, mut round: Round, told: &Value) {
-    let Question { figure, judged, .. } = question;
+fn tell(question: &mut PeerQuestion, mut round: Round, told: &Value) {
+    let PeerQuestion { figure, judged, .. } = question;
     if !(round.seconds.is_finite() && round.seconds > 0.0) {
         figure.failed = Some("it told no time".to_owned());
         figure.rounds.clear();
@@ -403,7 +410,7 @@ fn errors(values: &[f64], judged: &[f64]) -> Map<String, Value> {
 }
 
 /// The last column of what `sample` and `winding` print.
-fn values_of(ran: &Ran) -> Vec<f64> {
+fn values_of(ran: &ProcessRun) -> Vec<f64> {
     let text = String::from_utf8_lossy(&ran.printed);
     text.lines().skip(1).filter_map(|line| line.rsplit(',').next()?.parse().ok()).collect()
 }

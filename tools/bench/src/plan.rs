@@ -1,6 +1,6 @@
 //! What suites consist of: jobs, each a few commands of this program, and the figures that they give.
 
-use crate::child::{self, Ran};
+use crate::child::{self, ProcessRun};
 use crate::inputs::Cache;
 use crate::result::{Figure, InputFact, Limits};
 use anyhow::Context;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// A command of this program as it is typed; its files lie in the suite's folder.
-pub type Line = Vec<OsString>;
+pub type CommandLine = Vec<OsString>;
 
 /// Words of a command.
 #[macro_export]
@@ -31,9 +31,9 @@ pub struct Job {
     /// What is read; its floor stands beside the figures.
     pub input: &'static Spec,
     /// Run one after the other, their times added up.
-    pub lines: Vec<Line>,
+    pub lines: Vec<CommandLine>,
     /// The same for less of the work: then figures are extrapolated.
-    pub fewer: Option<Vec<Line>>,
+    pub fewer: Option<Vec<CommandLine>>,
     /// Files that have to be read whole; none if nobody knows how much of them.
     pub reads: Option<Vec<PathBuf>>,
     /// What is known of the result beforehand.
@@ -114,14 +114,14 @@ impl Bench<'_> {
     }
 
     /// Runs a command that prepares something, and gives what it told as JSON.
-    pub fn prepare(&self, line: Line) -> Result<Value, Failure> {
+    pub fn prepare(&self, line: CommandLine) -> Result<Value, Failure> {
         self.progress.phase("preparing", None, "");
         let ran = child::run_measured(&line, &self.folder)?;
         Ok(serde_json::from_slice(&ran.printed).unwrap_or(Value::Null))
     }
 
     /// `build` with the threads of this run.
-    pub fn build(&self, input: &Path, output: &str, more: &[&str]) -> Line {
+    pub fn build(&self, input: &Path, output: &str, more: &[&str]) -> CommandLine {
         let mut line = line!["build", input, "-o", output];
         line.extend(more.iter().map(OsString::from));
         if !more.contains(&"--threads") {
@@ -132,14 +132,20 @@ impl Bench<'_> {
     }
 
     /// `--threads N` of this run.
-    pub fn threads(&self) -> Line {
+    pub fn threads(&self) -> CommandLine {
         line!["--threads", self.threads.to_string()]
     }
 }
 
 impl Job {
     /// A job with one figure.
-    pub fn new(suite: &str, input: &'static Spec, name: &str, at: &[(&str, f64)], lines: Vec<Line>) -> Job {
+    pub fn new(
+        suite: &str,
+        input: &'static Spec,
+        name: &str,
+        at: &[(&str, f64)],
+        lines: Vec<CommandLine>,
+    ) -> Job {
         let figure = figure(suite, input, name, at);
         Job { input, lines, fewer: None, reads: None, known: Map::new(), figures: vec![(figure, 1.0)] }
     }
@@ -189,7 +195,7 @@ const FACTS: [&str; 10] = [
 ];
 
 /// What a command told of its result.
-pub fn facts_of(ran: &Ran) -> Map<String, Value> {
+pub fn facts_of(ran: &ProcessRun) -> Map<String, Value> {
     let told: Value = serde_json::from_slice(&ran.printed).unwrap_or(Value::Null);
     let known = |&name: &&str| Some((name.to_owned(), told.get(name)?.clone()));
     FACTS.iter().filter_map(known).collect()

@@ -16,7 +16,7 @@ pub const COLOURS: [RGBColor; 6] = [
 ];
 
 /// A picture of a report.
-pub struct Drawing {
+pub struct PlotDrawing {
     /// For its file's name.
     pub name: String,
     pub title: String,
@@ -38,22 +38,22 @@ pub struct Plot {
 /// A line of a plot.
 pub struct Series {
     pub name: String,
-    pub points: Vec<Point>,
+    pub points: Vec<PlotPoint>,
 }
 
 /// A median with its range.
 #[derive(Clone, Copy)]
-pub struct Point {
+pub struct PlotPoint {
     pub x: f64,
     pub y: f64,
     pub low: f64,
     pub high: f64,
 }
 
-impl Point {
+impl PlotPoint {
     /// Without a range.
-    pub fn exact(x: f64, y: f64) -> Point {
-        Point { x, y, low: y, high: y }
+    pub fn exact(x: f64, y: f64) -> PlotPoint {
+        PlotPoint { x, y, low: y, high: y }
     }
 }
 
@@ -62,9 +62,9 @@ impl Plot {
     ///
     /// # Errors
     /// If there is nothing to draw.
-    pub fn drawn(self) -> anyhow::Result<Drawing> {
+    pub fn drawn(self) -> anyhow::Result<PlotDrawing> {
         let svg = self.svg().map_err(|error| anyhow::anyhow!("{}: cannot be drawn: {error}", self.title))?;
-        Ok(Drawing { name: self.name.to_owned(), title: self.title, svg })
+        Ok(PlotDrawing { name: self.name.to_owned(), title: self.title, svg })
     }
 
     fn svg(&self) -> Result<String, Box<dyn Error>> {
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn a_plot_shows_its_series() {
-        let points = vec![Point { x: 1.0, y: 2.0, low: 1.5, high: 3.0 }, Point::exact(100.0, 20.0)];
+        let points = vec![PlotPoint { x: 1.0, y: 2.0, low: 1.5, high: 3.0 }, PlotPoint::exact(100.0, 20.0)];
         let series = vec![Series { name: "one <of> them".to_owned(), points }];
         let plot =
             Plot { name: "p", title: "Title".to_owned(), axes: ["across, m", "up, s"], base: 10.0, series };

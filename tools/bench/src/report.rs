@@ -2,27 +2,27 @@
 
 use crate::args::BenchReportArgs;
 use crate::measure::write_file;
-use crate::plots::Drawing;
+use crate::plots::PlotDrawing;
 use crate::result::Results;
-use crate::sections::{Section, sections};
-use crate::table::Table;
+use crate::sections::{ReportSection, sections};
+use crate::table::TextTable;
 use brickfield_terminal::failure::Failure;
 use brickfield_terminal::output::require_distinct;
 use std::path::{Path, PathBuf};
 
 /// The kinds of reports.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Format {
+pub enum ReportFormat {
     Html,
     Markdown,
 }
 
-impl Format {
+impl ReportFormat {
     /// By the ending of a name; others are wrong usage.
-    pub fn of(path: &Path) -> Result<Format, Failure> {
+    pub fn of(path: &Path) -> Result<ReportFormat, Failure> {
         match path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("html" | "htm") => Ok(Format::Html),
-            Some("md") => Ok(Format::Markdown),
+            Some("html" | "htm") => Ok(ReportFormat::Html),
+            Some("md") => Ok(ReportFormat::Markdown),
             _ => Err(Failure::Usage(format!("{}: a report ends in .html or .md", path.display()))),
         }
     }
@@ -30,7 +30,7 @@ impl Format {
 
 /// Runs the command.
 pub fn run(args: &BenchReportArgs) -> Result<(), Failure> {
-    let format = Format::of(&args.output)?;
+    let format = ReportFormat::of(&args.output)?;
     let inputs: Vec<&Path> = args.results.iter().map(PathBuf::as_path).collect();
     require_distinct(&[&args.output], &inputs)?;
     let results: Vec<Results> = inputs.into_iter().map(Results::read).collect::<Result<_, _>>()?;
@@ -38,11 +38,11 @@ pub fn run(args: &BenchReportArgs) -> Result<(), Failure> {
 }
 
 /// Writes the report of these results.
-pub fn write(results: &[Results], path: &Path, format: Format) -> Result<(), Failure> {
+pub fn write(results: &[Results], path: &Path, format: ReportFormat) -> Result<(), Failure> {
     let sections = sections(results)?;
     match format {
-        Format::Html => write_file(path, html(&sections).as_bytes()),
-        Format::Markdown => {
+        ReportFormat::Html => write_file(path, html(&sections).as_bytes()),
+        ReportFormat::Markdown => {
             // The page comes last, so that it never shows plots that are not there.
             let mut text = String::from("# Benchmarks of Brickfield\n");
             for section in &sections {
@@ -61,12 +61,12 @@ pub fn write(results: &[Results], path: &Path, format: Format) -> Result<(), Fai
 }
 
 /// `REPORT-plot.svg`.
-fn plot_name(report: &Path, plot: &Drawing) -> String {
+fn plot_name(report: &Path, plot: &PlotDrawing) -> String {
     let stem = report.file_stem().unwrap_or_default().to_string_lossy();
     format!("{stem}-{}.svg", plot.name)
 }
 
-fn markdown(table: &Table) -> String {
+fn markdown(table: &TextTable) -> String {
     let line = |cells: &[String]| {
         let cells = cells.iter().map(|cell| cell.replace('|', "\\|").replace('\n', " "));
         format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
@@ -81,7 +81,7 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
     th{border-bottom:2px solid #999}th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}\
     svg{max-width:100%;height:auto}";
 
-fn html(sections: &[Section]) -> String {
+fn html(sections: &[ReportSection]) -> String {
     let mut text = format!(
         "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Benchmarks of Brickfield</title>\n\
          <style>{STYLE}</style>\n<h1>Benchmarks of Brickfield</h1>\n"
@@ -114,7 +114,7 @@ mod tests {
 
     #[test]
     fn cells_cannot_break_tables_or_pages() {
-        let mut table = Table::new(&["a"]);
+        let mut table = TextTable::new(&["a"]);
         table.rows.push(vec!["x|y\nz".to_owned()]);
         assert_eq!(markdown(&table), "| a |\n|---|\n| x\\|y z |\n");
         assert_eq!(escaped("<b>&\""), "&lt;b&gt;&amp;&quot;");

@@ -1,6 +1,6 @@
 //! What was measured, as it stands in a file.
 
-use crate::child::Ran;
+use crate::child::ProcessRun;
 use crate::machine::Machine;
 use anyhow::{Context, anyhow};
 use brickfield_terminal::failure::Failure;
@@ -117,7 +117,7 @@ pub struct Round {
 
 impl Round {
     /// With another process, which ran after the others.
-    pub fn add(&mut self, ran: &Ran) {
+    pub fn add(&mut self, ran: &ProcessRun) {
         self.seconds += ran.seconds;
         self.cpu_seconds += ran.cpu_seconds;
         self.anonymous_bytes = self.anonymous_bytes.max(ran.anonymous_bytes);
@@ -167,7 +167,7 @@ impl Results {
         if self.limits.is_empty() || figure.rounds.is_empty() {
             return None;
         }
-        let median = |of: fn(&Limits) -> f64| Spread::of(self.limits.iter().map(of)).median;
+        let median = |of: fn(&Limits) -> f64| RoundSpread::of(self.limits.iter().map(of)).median;
         let memory = figure.least_bytes.map(|bytes| bytes as f64 / median(|limits| limits.bytes_per_second));
         let numbers =
             figure.least_operations.map(|count| count / median(|limits| limits.operations_per_second));
@@ -195,18 +195,18 @@ impl Figure {
     }
 
     /// Seconds over the rounds.
-    pub fn seconds(&self) -> Spread {
-        Spread::of(self.rounds.iter().map(|round| round.seconds))
+    pub fn seconds(&self) -> RoundSpread {
+        RoundSpread::of(self.rounds.iter().map(|round| round.seconds))
     }
 
     /// Times in read floors over the rounds.
-    pub fn floors(&self) -> Spread {
-        Spread::of(self.rounds.iter().map(|round| round.seconds / round.floor_seconds))
+    pub fn floors(&self) -> RoundSpread {
+        RoundSpread::of(self.rounds.iter().map(|round| round.seconds / round.floor_seconds))
     }
 
     /// Processor time over the rounds.
-    pub fn cpu_seconds(&self) -> Spread {
-        Spread::of(self.rounds.iter().map(|round| round.cpu_seconds))
+    pub fn cpu_seconds(&self) -> RoundSpread {
+        RoundSpread::of(self.rounds.iter().map(|round| round.cpu_seconds))
     }
 
     /// The most anonymous memory of any round.
@@ -222,7 +222,7 @@ impl Figure {
 
 /// Median and range of the rounds, and how far they lie from the median.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Spread {
+pub struct RoundSpread {
     pub median: f64,
     pub min: f64,
     pub max: f64,
@@ -231,19 +231,19 @@ pub struct Spread {
     pub rounds: usize,
 }
 
-impl Spread {
+impl RoundSpread {
     /// Of at least one value.
-    pub fn of(values: impl Iterator<Item = f64>) -> Spread {
+    pub fn of(values: impl Iterator<Item = f64>) -> RoundSpread {
         let mut values: Vec<f64> = values.collect();
         let (median, min, max) = (median(&mut values), values[0], values[values.len() - 1]);
         let mut off: Vec<f64> = values.iter().map(|value| (value - median).abs()).collect();
-        Spread { median, min, max, deviation: self::median(&mut off), rounds: values.len() }
+        RoundSpread { median, min, max, deviation: self::median(&mut off), rounds: values.len() }
     }
 
     /// In another unit.
-    pub fn scaled(self, by: f64) -> Spread {
-        let Spread { median, min, max, deviation, rounds } = self;
-        Spread { median: median * by, min: min * by, max: max * by, deviation: deviation * by, rounds }
+    pub fn scaled(self, by: f64) -> RoundSpread {
+        let RoundSpread { median, min, max, deviation, rounds } = self;
+        RoundSpread { median: median * by, min: min * by, max: max * by, deviation: deviation * by, rounds }
     }
 }
 
@@ -260,10 +260,10 @@ mod tests {
 
     #[test]
     fn medians_and_deviations() {
-        let spread = Spread::of([5.0, 1.0, 2.0].into_iter());
+        let spread = RoundSpread::of([5.0, 1.0, 2.0].into_iter());
         assert_eq!((spread.median, spread.min, spread.max, spread.deviation), (2.0, 1.0, 5.0, 1.0));
-        let spread = Spread::of([4.0, 1.0, 2.0, 10.0].into_iter());
+        let spread = RoundSpread::of([4.0, 1.0, 2.0, 10.0].into_iter());
         assert_eq!((spread.median, spread.deviation), (3.0, 1.5));
-        assert_eq!(Spread::of([7.0].into_iter()).deviation, 0.0);
+        assert_eq!(RoundSpread::of([7.0].into_iter()).deviation, 0.0);
     }
 }

@@ -4,36 +4,36 @@ use crate::contours;
 use crate::histogram::{self, Histogram, Panel};
 use crate::paper::{Row, SAMPLES, TABLE_3};
 use crate::peers::PEERS;
-use crate::plots::{Drawing, Plot, Point, Series};
+use crate::plots::{Plot, PlotDrawing, PlotPoint, Series};
 use crate::result::{Figure, Results};
-use crate::table::{self, Table, number};
+use crate::table::{self, TextTable, number};
 
 /// A part of a report.
-pub struct Section {
+pub struct ReportSection {
     pub title: String,
     pub text: Vec<String>,
-    pub tables: Vec<Table>,
-    pub plots: Vec<Drawing>,
+    pub tables: Vec<TextTable>,
+    pub plots: Vec<PlotDrawing>,
 }
 
 /// All of a report.
 ///
 /// # Errors
 /// If a plot cannot be drawn.
-pub fn sections(results: &[Results]) -> anyhow::Result<Vec<Section>> {
+pub fn sections(results: &[Results]) -> anyhow::Result<Vec<ReportSection>> {
     let mut sections = Vec::new();
     for (number, result) in results.iter().enumerate() {
         let of = if results.len() > 1 { format!(", result {}", number + 1) } else { String::new() };
         let mut text: Vec<String> = table::heading(result).lines().map(str::to_owned).collect();
         text.push(HOW.to_owned());
-        sections.push(Section {
+        sections.push(ReportSection {
             title: format!("Measured on{of}"),
             text,
             tables: Vec::new(),
             plots: Vec::new(),
         });
         for suite in &result.settings.suites {
-            let mut section = Section {
+            let mut section = ReportSection {
                 title: format!("{suite}{of}"),
                 text: Vec::new(),
                 tables: vec![table::of_suite(result, suite)],
@@ -56,12 +56,17 @@ pub fn sections(results: &[Results]) -> anyhow::Result<Vec<Section>> {
             sections.push(section);
         }
     }
-    let plots = plots(results).into_iter().map(Plot::drawn).collect::<anyhow::Result<Vec<Drawing>>>()?;
+    let plots = plots(results).into_iter().map(Plot::drawn).collect::<anyhow::Result<Vec<PlotDrawing>>>()?;
     if !plots.is_empty() {
-        sections.push(Section { title: "Plots".to_owned(), text: Vec::new(), tables: Vec::new(), plots });
+        sections.push(ReportSection {
+            title: "Plots".to_owned(),
+            text: Vec::new(),
+            tables: Vec::new(),
+            plots,
+        });
     }
     let tables = vec![table::of_inputs(results)];
-    sections.push(Section { title: "Inputs".to_owned(), text: Vec::new(), tables, plots: Vec::new() });
+    sections.push(ReportSection { title: "Inputs".to_owned(), text: Vec::new(), tables, plots: Vec::new() });
     Ok(sections)
 }
 
@@ -89,7 +94,7 @@ const CONTOURS: &str = "Last, contouring alone: of peers from a field in memory,
     the part. Pairs of triangles that meet where they must not are those of `mesh --check`.";
 
 /// Errors of all who gave winding numbers, a picture for each input.
-fn errors(result: &Results, of: &str) -> anyhow::Result<Vec<Drawing>> {
+fn errors(result: &Results, of: &str) -> anyhow::Result<Vec<PlotDrawing>> {
     let mut inputs: Vec<(&str, Vec<Panel>)> = Vec::new();
     for figure in result.figures.iter().filter(|figure| figure.suite == PEERS) {
         let Some(histogram) = Histogram::told(&figure.facts).filter(|_| !figure.rounds.is_empty()) else {
@@ -111,8 +116,8 @@ fn errors(result: &Results, of: &str) -> anyhow::Result<Vec<Drawing>> {
 }
 
 /// The paper's table with ours beside.
-fn table_3(result: &Results) -> Table {
-    let mut table = Table::new(&["input", "what", "32³", "64³", "96³", "128³"]);
+fn table_3(result: &Results) -> TextTable {
+    let mut table = TextTable::new(&["input", "what", "32³", "64³", "96³", "128³"]);
     for row in &TABLE_3 {
         let figures: Vec<&Figure> =
             result.figures.iter().filter(|f| f.suite == "paper" && f.input == row.input.name).collect();
@@ -165,7 +170,7 @@ fn job<'a>(figures: &[&'a Figure], name: &str) -> Option<&'a Figure> {
 
 /// Plots of all results together.
 fn plots(results: &[Results]) -> Vec<Plot> {
-    let builds = |title: &str, axes, varied: &'static str, points: &dyn Fn(&Figure) -> Option<Point>| {
+    let builds = |title: &str, axes, varied: &'static str, points: &dyn Fn(&Figure) -> Option<PlotPoint>| {
         let base = if varied == "triangles" { 10.0 } else { 2.0 };
         let of = |result| Series { name: name_of(result), points: series(result, varied, points) };
         let series: Vec<Series> = results.iter().map(of).filter(|series| series.points.len() > 1).collect();
@@ -173,7 +178,7 @@ fn plots(results: &[Results]) -> Vec<Plot> {
     };
     let seconds = |x: f64, figure: &Figure| {
         let spread = figure.seconds();
-        Point { x, y: spread.median, low: spread.min, high: spread.max }
+        PlotPoint { x, y: spread.median, low: spread.min, high: spread.max }
     };
     let by_triangles =
         builds("Build at one depth, by triangles", ["triangles", "seconds"], "triangles", &|f| {
@@ -187,7 +192,7 @@ fn plots(results: &[Results]) -> Vec<Plot> {
         builds("Throughput of a build, by threads", ["threads", "triangles a second"], "threads", &|f| {
             let (spread, triangles) = (f.seconds(), f.at("triangles")?);
             let rate = |seconds: f64| triangles / seconds;
-            Some(Point {
+            Some(PlotPoint {
                 x: f.at("threads")?,
                 y: rate(spread.median),
                 low: rate(spread.max),
@@ -200,11 +205,12 @@ fn plots(results: &[Results]) -> Vec<Plot> {
         "memory",
         &|f| {
             let most = f.anonymous_bytes() as f64 / MIB;
-            (most > 0.0).then(|| Some(Point::exact(f.at("memory")? / MIB, most)))?
+            (most > 0.0).then(|| Some(PlotPoint::exact(f.at("memory")? / MIB, most)))?
         },
     );
     if let Some(plot) = &mut by_memory {
-        let points: Vec<Point> = plot.series[0].points.iter().map(|p| Point::exact(p.x, p.x)).collect();
+        let points: Vec<PlotPoint> =
+            plot.series[0].points.iter().map(|p| PlotPoint::exact(p.x, p.x)).collect();
         plot.series.push(Series { name: "allowed".to_owned(), points });
     }
     let paper = results.first().and_then(paper_plot);
@@ -215,7 +221,7 @@ const MIB: f64 = 1024.0 * 1024.0;
 
 /// The figures along one axis, in order: those of the series, and the builds of the same input and depth that are
 /// another series' but differ from them in nothing else.
-fn series(result: &Results, varied: &str, point: &dyn Fn(&Figure) -> Option<Point>) -> Vec<Point> {
+fn series(result: &Results, varied: &str, point: &dyn Fn(&Figure) -> Option<PlotPoint>) -> Vec<PlotPoint> {
     let own = |figure: &&Figure| figure.series.as_deref() == Some(varied);
     let Some(first) = result.figures.iter().find(own) else { return Vec::new() };
     let belongs = |figure: &&Figure| {
@@ -224,7 +230,7 @@ fn series(result: &Results, varied: &str, point: &dyn Fn(&Figure) -> Option<Poin
         own(figure)
             || figure.suite == first.suite && input && ["depth", "threads", "memory"].into_iter().all(same)
     };
-    let mut points: Vec<Point> = result.figures.iter().filter(belongs).filter_map(point).collect();
+    let mut points: Vec<PlotPoint> = result.figures.iter().filter(belongs).filter_map(point).collect();
     points.sort_by(|a, b| a.x.total_cmp(&b.x));
     points
 }
@@ -239,12 +245,12 @@ fn paper_plot(result: &Results) -> Option<Plot> {
     let ours = |name: &str, told: &str| {
         let point = |samples: u64| {
             let spread = job(&figures, &format!("{name} {samples}³"))?.seconds();
-            Some(Point { x: samples as f64, y: spread.median, low: spread.min, high: spread.max })
+            Some(PlotPoint { x: samples as f64, y: spread.median, low: spread.min, high: spread.max })
         };
         Series { name: told.to_owned(), points: SAMPLES.into_iter().filter_map(point).collect() }
     };
     let theirs =
-        SAMPLES.iter().zip(row.seconds).map(|(&samples, seconds)| Point::exact(samples as f64, seconds));
+        SAMPLES.iter().zip(row.seconds).map(|(&samples, seconds)| PlotPoint::exact(samples as f64, seconds));
     let series = vec![
         ours("dense", "build and export"),
         Series { name: format!("Peelar et al. 2019, {}", row.name), points: theirs.collect() },

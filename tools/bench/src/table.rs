@@ -1,20 +1,20 @@
 //! Figures for people.
 
-use crate::result::{Figure, InputFact, Results, Spread};
+use crate::result::{Figure, InputFact, Results, RoundSpread};
 use brickfield_terminal::units::Size;
 use serde_json::Value;
 use std::fmt::Write;
 
 /// A table of text, in a terminal, Markdown or HTML.
-pub struct Table {
+pub struct TextTable {
     pub head: Vec<String>,
     pub rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl TextTable {
     /// With these columns.
-    pub fn new(head: &[&str]) -> Table {
-        Table { head: head.iter().map(|&name| name.to_owned()).collect(), rows: Vec::new() }
+    pub fn new(head: &[&str]) -> TextTable {
+        TextTable { head: head.iter().map(|&name| name.to_owned()).collect(), rows: Vec::new() }
     }
 
     /// In columns, all but the first two flush right.
@@ -59,8 +59,8 @@ pub fn heading(results: &Results) -> String {
     };
     let limits = results.limits.iter();
     let limits = (!results.limits.is_empty()).then(|| {
-        let bytes = Spread::of(limits.clone().map(|limits| limits.bytes_per_second));
-        let operations = Spread::of(limits.map(|limits| limits.operations_per_second));
+        let bytes = RoundSpread::of(limits.clone().map(|limits| limits.bytes_per_second));
+        let operations = RoundSpread::of(limits.map(|limits| limits.operations_per_second));
         let [bytes, operations] = [bytes, operations]
             .map(|spread| format!("{} ({})", number(spread.median / 1e9), range(spread.scaled(1e-9))));
         format!("at best {bytes} GB/s from memory, {operations} billion operations/s\n")
@@ -80,8 +80,8 @@ pub fn heading(results: &Results) -> String {
 }
 
 /// The figures of a suite.
-pub fn of_suite(results: &Results, suite: &str) -> Table {
-    let mut table = Table::new(&[
+pub fn of_suite(results: &Results, suite: &str) -> TextTable {
+    let mut table = TextTable::new(&[
         "input", "job", "seconds", "(range)", "floors", "(range)", "limits", "cpu s", "memory", "result",
     ]);
     for figure in results.figures.iter().filter(|figure| figure.suite == suite) {
@@ -114,8 +114,8 @@ pub fn of_suite(results: &Results, suite: &str) -> Table {
 }
 
 /// The inputs of results, each once.
-pub fn of_inputs(results: &[Results]) -> Table {
-    let mut table = Table::new(&["input", "FNV-1a", "bytes", "triangles"]);
+pub fn of_inputs(results: &[Results]) -> TextTable {
+    let mut table = TextTable::new(&["input", "FNV-1a", "bytes", "triangles"]);
     for InputFact { name, bytes, triangles, fnv1a } in results.iter().flat_map(|result| &result.inputs) {
         let triangles = triangles.map_or(String::new(), |count| count.to_string());
         let row = vec![name.clone(), fnv1a.clone(), bytes.to_string(), triangles];
@@ -139,7 +139,7 @@ pub fn number(value: f64) -> String {
 }
 
 /// From the least to the greatest.
-pub fn range(spread: Spread) -> String {
+pub fn range(spread: RoundSpread) -> String {
     if spread.rounds < 2 {
         "one round".to_owned()
     } else {
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn columns_stand_below_each_other() {
-        let mut table = Table::new(&["a", "b", "c"]);
+        let mut table = TextTable::new(&["a", "b", "c"]);
         table.rows.push(["ü", "long", "10"].map(str::to_owned).into());
         assert_eq!(table.aligned(), "a  b      c\nü  long  10\n");
     }

@@ -2,13 +2,13 @@
 //! far each mesh is from the true union is found once, before times are measured.
 
 use crate::line;
-use crate::plan::{Bench, Job, Line};
+use crate::plan::{Bench, CommandLine, Job};
 use crate::suites::out;
 use anyhow::Context;
 use brickfield_bench_data::inputs::{self, PILE_SIZE, Spec};
 use brickfield_bench_data::judge::boundary::Union;
-use brickfield_bench_data::judge::distance::{Comparison, Question, Triangles, compare};
-use brickfield_bench_data::judge::read::{Content, read};
+use brickfield_bench_data::judge::distance::{DistanceQuery, MeshComparison, TriangleSource, compare};
+use brickfield_bench_data::judge::read::{FileMesh, read};
 use brickfield_bench_data::pile::{FACETS_PER_BEAD, bead_pile};
 use brickfield_terminal::failure::Failure;
 use serde_json::{Map, Value};
@@ -65,15 +65,15 @@ fn truth(
     bench: &Bench<'_>,
     row: &Row,
     pile: &Path,
-    [build, mesh]: [&Line; 2],
+    [build, mesh]: [&CommandLine; 2],
 ) -> Result<Map<String, Value>, Failure> {
     bench.empty_out()?;
     let cell = bench.prepare(build.clone())?["cell"].as_f64().context("build told no cell")?;
     bench.prepare(mesh.clone())?;
     bench.progress.phase("comparing with the true union", None, "");
     let told = || format!("{}: the mesh cannot be compared with the true union", row.input.name);
-    let Content::Soup(soup) = read(pile).with_context(told)? else { unreachable!("an STL file") };
-    let asked = Question {
+    let FileMesh::Soup(soup) = read(pile).with_context(told)? else { unreachable!("an STL file") };
+    let asked = DistanceQuery {
         samples: SAMPLES[usize::from(bench.quick)],
         crease_samples: 0,
         crease_degrees: 20.0,
@@ -81,8 +81,8 @@ fn truth(
         cell,
         thin: 2.0 * cell,
     };
-    let triangles = Triangles::open(&bench.folder.join(out("union.stl"))).with_context(told)?;
-    let Comparison { mesh, boundary, .. } =
+    let triangles = TriangleSource::open(&bench.folder.join(out("union.stl"))).with_context(told)?;
+    let MeshComparison { mesh, boundary, .. } =
         compare(&Union::new(soup), &triangles, &asked).with_context(told)?;
     let width = bead_pile(1, row.beads * u64::from(FACETS_PER_BEAD), PILE_SIZE).width();
     let facts = [

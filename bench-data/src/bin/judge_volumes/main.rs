@@ -2,9 +2,11 @@
 
 mod against;
 
-use brickfield_bench_data::judge::gcode::{self, ReadOptions, Toolpath};
-use brickfield_bench_data::judge::monte_carlo::{Beads, Count, Estimate, Volumes, soup_volumes};
-use brickfield_bench_data::judge::read::{Content, read};
+use brickfield_bench_data::judge::gcode::{self, GcodeBeads, ReadOptions};
+use brickfield_bench_data::judge::monte_carlo::{
+    BeadSegments, CountBy, SampleMean, VolumeEstimates, soup_volumes,
+};
+use brickfield_bench_data::judge::read::{FileMesh, read};
 use clap::{Parser, ValueEnum};
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
@@ -63,7 +65,7 @@ enum Counted {
 
 /// What the judge knows of a file.
 struct Verdict {
-    volumes: Volumes,
+    volumes: VolumeEstimates,
     /// Fed, and sections times lengths, mm³: of toolpaths.
     fed: Option<[f64; 2]>,
     /// The height of most of the beads' length.
@@ -95,7 +97,7 @@ fn run(cli: &Cli) -> Result<(String, bool), String> {
     if let Some([fed, sections]) = verdict.fed {
         let _ = writeln!(text, "fed {fed:.4} mm³, sections times lengths {sections:.4} mm³");
     }
-    let Volumes { union, winding, overlap } = verdict.volumes;
+    let VolumeEstimates { union, winding, overlap } = verdict.volumes;
     for (name, estimate) in [("union", union), ("integral of w", winding), ("overlap", overlap)] {
         let _ = writeln!(text, "{name} {} mm³", told(estimate));
     }
@@ -111,8 +113,8 @@ fn judge(cli: &Cli) -> Result<Verdict, String> {
     }
     let said = |e| format!("{}: {e}", cli.file.display());
     let soup = match read(&cli.file).map_err(|e| said(e.to_string()))? {
-        Content::Soup(facets) => facets,
-        Content::Indexed(vertices, triangles) => {
+        FileMesh::Soup(facets) => facets,
+        FileMesh::Indexed(vertices, triangles) => {
             let corner = |v: u32| vertices.get(v as usize).map(|p| p.map(|c| c as f32));
             let facet = |t: &[u32; 3]| Some([corner(t[0])?, corner(t[1])?, corner(t[2])?]);
             let facets: Option<Vec<_>> = triangles.iter().map(facet).collect();
@@ -132,10 +134,10 @@ fn judge_toolpath(cli: &Cli) -> Result<Verdict, String> {
     let options = ReadOptions { skip: cli.skip.clone(), filament: cli.filament };
     let path = gcode::read(&text, &options).map_err(|e| said(e.to_string()))?;
     let (count, name) = match cli.count {
-        Counted::Passes => (Count::Passes, "passes"),
-        Counted::Beads => (Count::Beads, "beads"),
+        Counted::Passes => (CountBy::Passes, "passes"),
+        Counted::Beads => (CountBy::Beads, "beads"),
     };
-    let beads = Beads::new(&path, count);
+    let beads = BeadSegments::new(&path, count);
     if beads.segments() == 0 {
         return Err(said("no move lays material".into()));
     }
@@ -152,7 +154,7 @@ fn judge_toolpath(cli: &Cli) -> Result<Verdict, String> {
 }
 
 /// Sections times lengths, and the height of most of the length, in hundredths of a mm.
-fn sections(path: &Toolpath) -> (f64, f64) {
+fn sections(path: &GcodeBeads) -> (f64, f64) {
     let (mut sum, mut heights) = (0.0, std::collections::BTreeMap::<u64, f64>::new());
     for bead in &path.beads {
         for (ends, section) in bead.points.windows(2).zip(&bead.sections) {
@@ -166,7 +168,7 @@ fn sections(path: &Toolpath) -> (f64, f64) {
 }
 
 /// A value with three standard errors, and as many digits as they leave.
-fn told(Estimate { value, error }: Estimate) -> String {
+fn told(SampleMean { value, error }: SampleMean) -> String {
     value_with(value, 3.0 * error)
 }
 

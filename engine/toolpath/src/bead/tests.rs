@@ -5,7 +5,7 @@ use crate::Silent;
 use crate::part::PartFile;
 use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
 use crate::toolpath::{Attributes, BeadView, Section, Toolpath, UP};
-use brickfield_bench_data::judge::mesh::{self, Report};
+use brickfield_bench_data::judge::mesh::{self, MeshFindings};
 use brickfield_bench_data::judge::winding::solid_angle_sum;
 use glam::DVec3;
 use proptest::prelude::*;
@@ -35,7 +35,7 @@ fn all_facets(swept: &SweptToolpath) -> Vec<[[f64; 3]; 3]> {
 }
 
 /// Judges a soup welded by exact bits.
-fn judge(facets: &[[[f64; 3]; 3]]) -> Report {
+fn judge(facets: &[[[f64; 3]; 3]]) -> MeshFindings {
     let (mut numbers, mut vertices) = (HashMap::new(), Vec::new());
     let mut number = |corner: &[f64; 3]| {
         *numbers.entry(corner.map(f64::to_bits)).or_insert_with(|| {
