@@ -148,8 +148,8 @@ impl<'p> Builder<'p> {
         let path = path.as_ref();
         let (inputs, mut options, progress) = self.open()?;
         match inputs {
-            Opened::Meshes(inputs) => build_opened(&inputs, path, &options, progress)?,
-            Opened::Clouds(clouds) => {
+            OpenInputs::Meshes(inputs) => build_opened(&inputs, path, &options, progress)?,
+            OpenInputs::Clouds(clouds) => {
                 options.identity = false;
                 let estimate = lack_normals(&clouds);
                 build_clouds(clouds, estimate, path, &options, progress)?
@@ -165,8 +165,8 @@ impl<'p> Builder<'p> {
     pub fn in_memory(self) -> Result<Octree> {
         let (inputs, options, progress) = self.open()?;
         let TreeInMemory { tree, bounds } = match inputs {
-            Opened::Meshes(inputs) => build_inputs_in_memory(&inputs, &options, progress)?,
-            Opened::Clouds(clouds) => {
+            OpenInputs::Meshes(inputs) => build_inputs_in_memory(&inputs, &options, progress)?,
+            OpenInputs::Clouds(clouds) => {
                 let estimate = lack_normals(&clouds);
                 build_clouds_in_memory(clouds, estimate, &options, progress)?
             }
@@ -175,7 +175,7 @@ impl<'p> Builder<'p> {
     }
 
     /// The inputs, opened, and the settings that fit them.
-    fn open(self) -> Result<(Opened, BuildOptions, &'p dyn Progress)> {
+    fn open(self) -> Result<(OpenInputs, BuildOptions, &'p dyn Progress)> {
         let Builder { sources, mut options, has_error, solids, progress } = self;
         if sources.is_empty() {
             return Err(Error::setting("there is no input", "add a file, triangles or points"));
@@ -198,7 +198,7 @@ impl<'p> Builder<'p> {
             if toolpaths == meshes.len() && solids && options.solids.is_none() {
                 options.solids = Some(Outline::Stadium);
             }
-            return Ok((Opened::Meshes(meshes), options, progress));
+            return Ok((OpenInputs::Meshes(meshes), options, progress));
         }
         if !meshes.is_empty() {
             let what = "there are point clouds beside other inputs";
@@ -207,12 +207,12 @@ impl<'p> Builder<'p> {
         if !has_error {
             options.gwn_error = CLOUD_ERROR;
         }
-        Ok((Opened::Clouds(clouds), options, progress))
+        Ok((OpenInputs::Clouds(clouds), options, progress))
     }
 }
 
 /// Inputs of one kind.
-enum Opened {
+enum OpenInputs {
     Meshes(Vec<Input>),
     Clouds(Vec<CloudInput>),
 }

@@ -15,7 +15,7 @@ const CACHE_BYTES: u64 = 256 << 20;
 /// Pixels of the longer side of the part in a section.
 const PIXELS: u32 = 1024;
 
-enum Kept {
+enum OctreeStorage {
     Store(Box<Store>),
     Memory(MemoryTree),
 }
@@ -43,7 +43,7 @@ enum Kept {
 /// # }
 /// ```
 pub struct Octree {
-    kept: Kept,
+    kept: OctreeStorage,
     bounds: ([f64; 3], [f64; 3]),
     unit: String,
 }
@@ -57,26 +57,26 @@ impl Octree {
         let store = Store::open(path.as_ref(), CACHE_BYTES)?;
         let meta = store.meta();
         let (bounds, unit) = ((meta.bounds_min, meta.bounds_max), meta.unit.clone());
-        Ok(Octree { kept: Kept::Store(Box::new(store)), bounds, unit })
+        Ok(Octree { kept: OctreeStorage::Store(Box::new(store)), bounds, unit })
     }
 
     pub(crate) fn of_tree(tree: MemoryTree, bounds: ([f64; 3], [f64; 3]), unit: String) -> Octree {
-        Octree { kept: Kept::Memory(tree), bounds, unit }
+        Octree { kept: OctreeStorage::Memory(tree), bounds, unit }
     }
 
     /// The tree itself, for what the other modules do with trees.
     pub fn tree(&self) -> &dyn BrickTree {
         match &self.kept {
-            Kept::Store(store) => store.as_ref(),
-            Kept::Memory(tree) => tree,
+            OctreeStorage::Store(store) => store.as_ref(),
+            OctreeStorage::Memory(tree) => tree,
         }
     }
 
     /// The store, if the octree is one.
     pub fn store(&self) -> Option<&Store> {
         match &self.kept {
-            Kept::Store(store) => Some(store),
-            Kept::Memory(_) => None,
+            OctreeStorage::Store(store) => Some(store),
+            OctreeStorage::Memory(_) => None,
         }
     }
 

@@ -105,7 +105,7 @@ impl BeadSegments {
             })
             .collect();
         let seen = self.seen(&points);
-        let of = |f: &(dyn Fn(&Seen) -> f64 + Sync)| {
+        let of = |f: &(dyn Fn(&PointCover) -> f64 + Sync)| {
             estimate(all, seen.par_chunks(2).map(|pair| [f(&pair[0]), f(&pair[1])]).collect())
         };
         VolumeEstimates {
@@ -116,7 +116,7 @@ impl BeadSegments {
     }
 
     /// What covers each point, of which each comes with a segment that does.
-    fn seen(&self, points: &[(V3, u32)]) -> Vec<Seen> {
+    fn seen(&self, points: &[(V3, u32)]) -> Vec<PointCover> {
         let grid = Grid::new(points);
         let mut hits: Vec<(u32, u32)> = (0..self.solids.len() as u32)
             .into_par_iter()
@@ -135,7 +135,7 @@ impl BeadSegments {
         of_points.into_par_iter().map(|hits| self.seen_at(points[hits[0].0 as usize].0, hits)).collect()
     }
 
-    fn seen_at(&self, p: V3, hits: &[(u32, u32)]) -> Seen {
+    fn seen_at(&self, p: V3, hits: &[(u32, u32)]) -> PointCover {
         // Segments are in order, so those of a pass follow each other.
         let mut passes: Vec<u32> = hits.iter().map(|&(_, segment)| self.owners[segment as usize]).collect();
         passes.dedup();
@@ -145,12 +145,12 @@ impl BeadSegments {
             self.joints[n] && passes.contains(&(owner - 1)) && self.solids[n].first_end().covers(p)
         };
         let shared = hits.iter().filter(shared).count();
-        Seen { segments: hits.len() as f64, winding: (passes.len() - shared) as f64 }
+        PointCover { segments: hits.len() as f64, winding: (passes.len() - shared) as f64 }
     }
 }
 
 /// What covers a point.
-struct Seen {
+struct PointCover {
     segments: f64,
     winding: f64,
 }

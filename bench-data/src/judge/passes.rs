@@ -27,7 +27,7 @@ const STEPS: u32 = 40;
 /// The segments with which passes begin, the bead's first among them, in order.
 pub fn pass_starts(bead: &Bead) -> Vec<usize> {
     let path = Path::new(bead);
-    let (mut starts, mut near) = (vec![0], Near::new(path.cell));
+    let (mut starts, mut near) = (vec![0], SegmentSquares::new(path.cell));
     let (mut kept, mut number) = (0, 1);
     while number < bead.sections.len() {
         let first = starts[starts.len() - 1];
@@ -37,7 +37,7 @@ pub fn pass_starts(bead: &Bead) -> Vec<usize> {
         }
         if let Some(start) = path.start(first, number, &near) {
             starts.push(start);
-            near = Near::new(path.cell);
+            near = SegmentSquares::new(path.cell);
             kept = start;
         }
         number += 1;
@@ -73,7 +73,7 @@ impl<'a> Path<'a> {
     }
 
     /// The segment with which a new pass begins if this one comes back to the pass that began with `first`.
-    fn start(&self, first: usize, number: usize, near: &Near) -> Option<usize> {
+    fn start(&self, first: usize, number: usize, near: &SegmentSquares) -> Option<usize> {
         let mut candidates = near.beside(self.points[number], self.points[number + 1]);
         candidates.sort_unstable();
         candidates.dedup();
@@ -149,14 +149,14 @@ fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// Earlier segments by the squares of the plane that they pass.
-struct Near {
+struct SegmentSquares {
     cell: f64,
     squares: HashMap<(i64, i64), Vec<usize>>,
 }
 
-impl Near {
-    fn new(cell: f64) -> Near {
-        Near { cell, squares: HashMap::new() }
+impl SegmentSquares {
+    fn new(cell: f64) -> SegmentSquares {
+        SegmentSquares { cell, squares: HashMap::new() }
     }
 
     fn keep(&mut self, number: usize, a: V3, b: V3) {

@@ -48,7 +48,7 @@ pub struct MappedFile {
     /// What the file was when it was opened.
     opened: Identity,
     /// `None` for an empty file: the system refuses maps of length 0.
-    map: Option<Guarded>,
+    map: Option<GuardedMap>,
 }
 
 /// What tells a file, and whether it has changed.
@@ -95,7 +95,7 @@ impl MappedFile {
         // equal for memory safety (lengths and indices taken from it are checked after they were copied out).
         // A page that is lost becomes zeros, see `on_lost_page`.
         let map = unsafe { memmap2::Mmap::map(&file) }.map_err(Error::io(path, "map"))?;
-        Ok(MappedFile { path: path_buf, opened, map: Some(Guarded { slot: Slot::take(&map), map }) })
+        Ok(MappedFile { path: path_buf, opened, map: Some(GuardedMap { slot: Slot::take(&map), map }) })
     }
 
     /// The content. Zeros in the place of what has been lost, see [`Self::check`].
@@ -145,7 +145,7 @@ impl MappedFile {
     /// Tells the system how the bytes will be read. Only a hint: a refusal, and a system without such hints,
     /// cost speed at most, so nothing is reported.
     pub fn advise(&self, access: Access) {
-        if let Some(Guarded { map, .. }) = &self.map {
+        if let Some(GuardedMap { map, .. }) = &self.map {
             let advice = match access {
                 Access::Sequential => memmap2::Advice::Sequential,
                 Access::Random => memmap2::Advice::Random,
@@ -157,7 +157,7 @@ impl MappedFile {
     /// Tells the system that a part will be read before long; a hint, as [`Self::advise`].
     pub fn advise_ahead(&self, offset: u64, bytes: u64) {
         let inside = offset.checked_add(bytes).is_some_and(|end| end <= self.len());
-        if let Some(Guarded { map, .. }) = self.map.as_ref().filter(|_| inside) {
+        if let Some(GuardedMap { map, .. }) = self.map.as_ref().filter(|_| inside) {
             map.advise_range(memmap2::Advice::WillNeed, offset as usize, bytes as usize).ok();
         }
     }
@@ -165,12 +165,12 @@ impl MappedFile {
 
 /// A map that the handler knows.
 #[derive(Debug)]
-struct Guarded {
+struct GuardedMap {
     slot: &'static Slot,
     map: memmap2::Mmap,
 }
 
-impl Drop for Guarded {
+impl Drop for GuardedMap {
     fn drop(&mut self) {
         self.slot.give_back();
     }

@@ -44,7 +44,7 @@ pub fn ask(bench: &mut Bench<'_>, python: &OsStr, questions: &mut Vec<PeerQuesti
     let depths = asked(bench.quick).1;
     for input in inputs(bench.quick) {
         for depth in depths {
-            let store = Contoured::prepare(bench, input, depth)?;
+            let store = ContouredStore::prepare(bench, input, depth)?;
             store.ask_us(bench, questions);
             store.ask_about_samples(bench, python, questions)?;
             if input.name == inputs::PART.name {
@@ -59,21 +59,21 @@ pub fn ask(bench: &mut Bench<'_>, python: &OsStr, questions: &mut Vec<PeerQuesti
 }
 
 /// A store that is contoured.
-struct Contoured {
+struct ContouredStore {
     input: &'static Spec,
     depth: u8,
     /// Edge of a cell, in the input's unit.
     cell: f64,
 }
 
-impl Contoured {
+impl ContouredStore {
     /// Builds it.
-    fn prepare(bench: &mut Bench<'_>, input: &'static Spec, depth: u8) -> Result<Contoured, Failure> {
+    fn prepare(bench: &mut Bench<'_>, input: &'static Spec, depth: u8) -> Result<ContouredStore, Failure> {
         let path = bench.input(input)?;
-        let store = Contoured { input, depth, cell: 1.0 };
+        let store = ContouredStore { input, depth, cell: 1.0 };
         let build = bench.build(&path, &store.file("brf"), &["--depth", &depth.to_string()]);
         let cell = bench.prepare(build)?["cell"].as_f64().unwrap_or(1.0);
-        Ok(Contoured { cell, ..store })
+        Ok(ContouredStore { cell, ..store })
     }
 
     /// Along the root cube.

@@ -106,12 +106,14 @@ impl Cache {
             spec.base().map(|base| self.ensure(base, progress).map(|_| self.path(base))).transpose()?;
         progress.phase(spec.name, None, "bytes");
         let file = PartFile::create(path)?;
-        let mut out = BufWriter::with_capacity(1 << 20, Told { file, progress });
+        let mut out = BufWriter::with_capacity(1 << 20, ReportedWriter { file, progress });
         let written = spec.write(base.as_deref(), &mut out);
         progress.check()?;
         let told = || format!("{}: cannot be written", in_line(path));
         written.with_context(told)?;
-        let Ok(Told { mut file, .. }) = out.into_inner() else { return Err(anyhow!(told()).into()) };
+        let Ok(ReportedWriter { mut file, .. }) = out.into_inner() else {
+            return Err(anyhow!(told()).into());
+        };
         Ok(file.finish()?)
     }
 }
@@ -124,12 +126,12 @@ fn default_folder() -> Option<PathBuf> {
 }
 
 /// A file that tells how much of it is written, and that ends when the user asks to stop.
-struct Told<'a> {
+struct ReportedWriter<'a> {
     file: PartFile,
     progress: &'a dyn Progress,
 }
 
-impl io::Write for Told<'_> {
+impl io::Write for ReportedWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if self.progress.cancelled() {
             return Err(io::Error::other("stopped"));

@@ -1,20 +1,20 @@
 //! Stores of a file by the program under judgement, and its volumes beside the judge's.
 
-use super::{Cli, Counted, Verdict, short, value_with};
+use super::{Cli, Counted, JudgedFile, short, value_with};
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// What the program says of one store: union and overlap, each with its error, by the source and by the store alone.
-struct Said {
+struct StatedVolumes {
     source: [[f64; 2]; 2],
     store: [[f64; 2]; 2],
     seconds: f64,
 }
 
 /// A table in Markdown, a row a size of cells, and whether all rows agree with the judge.
-pub fn table(cli: &Cli, program: &Path, verdict: &Verdict) -> Result<(String, bool), String> {
+pub fn table(cli: &Cli, program: &Path, verdict: &JudgedFile) -> Result<(String, bool), String> {
     let layer =
         cli.layer.or(verdict.layer).ok_or("a mesh needs --layer, to which cells are in proportion")?;
     let judged = [verdict.volumes.union, verdict.volumes.overlap].map(|e| [e.value, 3.0 * e.error]);
@@ -51,7 +51,7 @@ fn cell([value, error]: [f64; 2]) -> String {
 }
 
 /// Builds a store and asks for its volumes; `None` if that takes too long.
-fn ask(cli: &Cli, program: &Path, edge: f64) -> Result<Option<Said>, String> {
+fn ask(cli: &Cli, program: &Path, edge: f64) -> Result<Option<StatedVolumes>, String> {
     let store = cli.folder.join(format!("judge-{}.brf", std::process::id()));
     let mut build = Command::new(program);
     build.arg("build").arg(&cli.file).arg("-o").arg(&store).args(["--cell", &format!("{edge}mm"), "--json"]);
@@ -87,7 +87,7 @@ fn ask(cli: &Cli, program: &Path, edge: f64) -> Result<Option<Said>, String> {
         Some([[number("union")?, number("union_error")?], [number("overlap")?, number("overlap_error")?]])
     };
     match (of("source_volumes"), of("volumes")) {
-        (Some(source), Some(store)) => Ok(Some(Said { source, store, seconds })),
+        (Some(source), Some(store)) => Ok(Some(StatedVolumes { source, store, seconds })),
         _ => Err(format!("{}: no volumes in what info says", program.display())),
     }
 }

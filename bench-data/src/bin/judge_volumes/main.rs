@@ -64,7 +64,7 @@ enum Counted {
 }
 
 /// What the judge knows of a file.
-struct Verdict {
+struct JudgedFile {
     volumes: VolumeEstimates,
     /// Fed, and sections times lengths, mm³: of toolpaths.
     fed: Option<[f64; 2]>,
@@ -106,7 +106,7 @@ fn run(cli: &Cli) -> Result<(String, bool), String> {
     Ok((text + &table, agrees))
 }
 
-fn judge(cli: &Cli) -> Result<Verdict, String> {
+fn judge(cli: &Cli) -> Result<JudgedFile, String> {
     let ending = cli.file.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
     if ["gcode", "nc", "g", "gco"].contains(&ending.as_str()) {
         return judge_toolpath(cli);
@@ -125,10 +125,10 @@ fn judge(cli: &Cli) -> Result<Verdict, String> {
         return Err(said("a coordinate is not a number".into()));
     }
     let what = format!("{} facets, {} points", soup.len(), cli.points);
-    Ok(Verdict { volumes: soup_volumes(soup, cli.points / 2, cli.seed), fed: None, layer: None, what })
+    Ok(JudgedFile { volumes: soup_volumes(soup, cli.points / 2, cli.seed), fed: None, layer: None, what })
 }
 
-fn judge_toolpath(cli: &Cli) -> Result<Verdict, String> {
+fn judge_toolpath(cli: &Cli) -> Result<JudgedFile, String> {
     let said = |e: String| format!("{}: {e}", cli.file.display());
     let text = std::fs::read(&cli.file).map_err(|e| said(format!("cannot read the file: {e}")))?;
     let options = ReadOptions { skip: cli.skip.clone(), filament: cli.filament };
@@ -150,7 +150,7 @@ fn judge_toolpath(cli: &Cli) -> Result<Verdict, String> {
     );
     let (sections, layer) = sections(&path);
     let volumes = beads.volumes(cli.points / 2, cli.seed);
-    Ok(Verdict { volumes, fed: Some([path.fed, sections]), layer: Some(layer), what })
+    Ok(JudgedFile { volumes, fed: Some([path.fed, sections]), layer: Some(layer), what })
 }
 
 /// Sections times lengths, and the height of most of the length, in hundredths of a mm.

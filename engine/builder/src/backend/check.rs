@@ -44,7 +44,7 @@ pub(super) enum KernelSet {
 
 /// What was seen of one device on the hardware.
 #[derive(Debug, Default)]
-struct Seen {
+struct DeviceObservations {
     /// By kernels: whether a brick with a sign change was as expected.
     plain: [AtomicBool; 3],
     /// Whether one was in which crossings are hidden, which a kernel of its own resolves.
@@ -55,7 +55,7 @@ struct Seen {
 #[derive(Debug, Default)]
 pub(super) struct DeviceTrust {
     /// Of the first and the second device on the hardware.
-    seen: [Seen; 2],
+    seen: [DeviceObservations; 2],
     is_lost: AtomicBool,
 }
 

@@ -31,12 +31,12 @@ pub struct LeafQueue {
     /// Leaves that were sent.
     sent: usize,
     work: VecDeque<Work>,
-    received: Option<Received>,
+    received: Option<ReceivedBatch>,
 }
 
 /// A batch that the device is done with. Its bricks are unpacked one by one, when they are asked for: all 64 at once are
 /// 6 MB, which leave the caches again and which the allocator returns to the system after every batch.
-struct Received {
+struct ReceivedBatch {
     /// Its leaves that are left.
     leaves: Range<usize>,
     /// The next of them in the batch.
@@ -102,7 +102,7 @@ impl LeafQueue {
                     return here(vulkan, evaluator, &leaves[range.start]);
                 }
                 Some(Work::There(leaves)) if self.outlet.receive(vulkan, leaves.len()) => {
-                    self.received = Some(Received { leaves, number: 0, is_full: false });
+                    self.received = Some(ReceivedBatch { leaves, number: 0, is_full: false });
                 }
                 Some(Work::There(range)) => self.work.push_front(Work::Here(range)),
                 None => unreachable!("the queue is asked for as many bricks as there are leaves"),
@@ -131,8 +131,8 @@ impl LeafQueue {
     }
 
     /// What the device found of the next brick of the batch that was received; `None` if the device did not do it.
-    fn take(&mut self, vulkan: &Vulkan, received: Received) -> Option<NodeBrick> {
-        let Received { leaves, number, mut is_full } = received;
+    fn take(&mut self, vulkan: &Vulkan, received: ReceivedBatch) -> Option<NodeBrick> {
+        let ReceivedBatch { leaves, number, mut is_full } = received;
         let output = self.outlet.output().expect("it is not released yet");
         let crossings = output.bricks[number].crossings;
         let brick = unpack(&output, number).map(|brick| NodeBrick::new(brick, crossings));
@@ -141,7 +141,7 @@ impl LeafQueue {
         if leaves.is_empty() {
             self.outlet.release(is_full);
         } else {
-            self.received = Some(Received { leaves, number: number + 1, is_full });
+            self.received = Some(ReceivedBatch { leaves, number: number + 1, is_full });
         }
         if brick.is_none() {
             vulkan.report().bricks -= 1;

@@ -22,29 +22,29 @@ pub(super) struct Opening {
 }
 
 /// An opening with what has come.
-struct Open {
+struct PendingNode {
     opening: Opening,
     /// The first descendant that is not accounted for.
     next: usize,
     /// Siblings that wait for the rest of them, by level below the node; the last ones have come, those above are joined.
     siblings: Vec<Vec<JoinedNode>>,
     /// Of the first opening, if its descendants are not joined.
-    apart: Option<Apart>,
+    apart: Option<UnjoinedNodes>,
 }
 
 /// Joins what comes. Nodes above the jobs are recorded apart, because they stand at the end of a store.
 pub(super) struct Assembler {
-    open: Vec<Open>,
+    open: Vec<PendingNode>,
     /// The joined nodes of the first opening, which is the root's.
     pub top: Records,
     /// The root.
     root: Option<JoinedNode>,
     /// If only some of the first opening's descendants are wanted, and the nodes above them are not.
-    apart: Option<Apart>,
+    apart: Option<UnjoinedNodes>,
 }
 
 /// Descendants of the root that are not joined.
-struct Apart {
+struct UnjoinedNodes {
     /// Their numbers.
     cells: Range<u64>,
     /// Those that are empty, with the value of their samples.
@@ -55,7 +55,7 @@ impl Assembler {
     /// For a store with this compression. If `cells` says which of the root's descendants are wanted, these are left as
     /// they are: no node above them is made.
     pub fn new(cells: Option<Range<u64>>, compression: Option<Compression>) -> Assembler {
-        let apart = cells.map(|cells| Apart { cells, empty: Vec::new() });
+        let apart = cells.map(|cells| UnjoinedNodes { cells, empty: Vec::new() });
         Assembler { open: Vec::new(), top: Records::new(compression), root: None, apart }
     }
 
@@ -72,7 +72,7 @@ impl Assembler {
         self.reach(opening.cell, records);
         let empty = opening.coming == 0;
         let siblings = (0..=opening.stride).map(|_| Vec::new()).collect();
-        self.open.push(Open { opening, next: 0, siblings, apart: self.apart.take() });
+        self.open.push(PendingNode { opening, next: 0, siblings, apart: self.apart.take() });
         if empty { self.close(records) } else { 0 }
     }
 
@@ -113,7 +113,7 @@ impl Assembler {
     }
 }
 
-impl Apart {
+impl UnjoinedNodes {
     fn take(&mut self, cell: u64, node: &JoinedNode) {
         if let JoinedNode::Empty(w) = node
             && self.cells.contains(&cell)
@@ -123,7 +123,7 @@ impl Apart {
     }
 }
 
-impl Open {
+impl PendingNode {
     /// The descendants before `cell` that have not come are empty.
     fn skip_to(&mut self, cell: usize, records: &mut Records) {
         for number in self.next..cell {

@@ -51,15 +51,15 @@ struct Job<F: PieceField> {
 }
 
 /// A subtree that is built.
-struct Built {
+struct BuiltSubtree {
     cell: usize,
     node: JoinedNode,
     records: Records,
 }
 
 /// What the jobs yield, in the order of the records.
-enum Yield {
-    Built(Vec<Built>),
+enum JobResult {
+    Built(Vec<BuiltSubtree>),
     Opened(Opening),
 }
 
@@ -245,7 +245,7 @@ pub(super) fn follow_pieces<F: PieceField>(
         }
         let built = build(builder, pieces, &job, plan)?;
         held.resize(built.iter().map(|built| built.records.heap_bytes()).sum());
-        Ok(TaskOutcome::Done(Yield::Built(built), held))
+        Ok(TaskOutcome::Done(JobResult::Built(built), held))
     };
     let local = || (SubtreeBuilder::<F>::new(field, plan, progress), Vec::new());
     run_tasks(
@@ -258,9 +258,9 @@ pub(super) fn follow_pieces<F: PieceField>(
             let mut kept = None;
             let mut completed = 0;
             match yielded {
-                Yield::Opened(opening) => completed = assembler.open(opening, &mut joined),
-                Yield::Built(built) => {
-                    for Built { cell, node, records } in built {
+                JobResult::Opened(opening) => completed = assembler.open(opening, &mut joined),
+                JobResult::Built(built) => {
+                    for BuiltSubtree { cell, node, records } in built {
                         assembler.reach(cell, &mut joined);
                         flush(&mut joined, consume, &mut kept)?;
                         kept = Some(consume(records)?);
@@ -282,7 +282,7 @@ fn build<F: PieceField>(
     pieces: &mut Vec<Vec<F::Piece>>,
     job: &Job<F>,
     plan: BuildPlan<'_>,
-) -> Result<Vec<Built>> {
+) -> Result<Vec<BuiltSubtree>> {
     let branch = &*job.branch;
     pieces.resize_with(pieces.len().max(job.cubes.len()), Vec::new);
     let mut tops = Vec::with_capacity(job.cubes.len());
@@ -301,7 +301,7 @@ fn build<F: PieceField>(
             Some(node) => (node, Records::new(plan.rules.compression)),
             None => built.next().expect("each was built"),
         };
-        Built { cell: cube.cell, node, records }
+        BuiltSubtree { cell: cube.cell, node, records }
     };
     Ok(job.cubes.iter().zip(done).map(&mut next).collect())
 }
@@ -322,7 +322,7 @@ fn branch<F: PieceField>(
     stride: u8,
     shares: Shares,
     mut held: MemoryReservation,
-) -> Result<TaskOutcome<Job<F>, Yield>> {
+) -> Result<TaskOutcome<Job<F>, JobResult>> {
     let binner = Binner::new(job.branch.key_of(cube), stride);
     let from = &job.branch.sorted;
     let sorted = match &from.elsewhere {
@@ -343,7 +343,7 @@ fn branch<F: PieceField>(
     held.resize(sorted.heap_bytes());
     let branch = Branch::new(field, binner, i64::from(job.branch.corner_of(cube)), sorted, Some(held));
     let (opening, jobs) = branch.open(field, cube.cell, &(0..u64::MAX), shares);
-    Ok(TaskOutcome::Opened(Yield::Opened(opening), jobs))
+    Ok(TaskOutcome::Opened(JobResult::Opened(opening), jobs))
 }
 
 #[cfg(test)]

@@ -106,7 +106,7 @@ impl ListSources<'_> {
 }
 
 /// A node with the segments that touch it, in the order of the toolpath.
-struct Touched {
+struct TouchedNode {
     key: NodeKey,
     segments: Vec<Segment>,
     /// Their lines, or none.
@@ -133,7 +133,7 @@ pub(super) fn write_identity(
         Count::Beads => Vec::new(),
     };
     let segments = segments.into_iter().filter(is_solid).collect();
-    let mut jobs = vec![Touched { key: NodeKey::ROOT, segments, lines, only_listed: false }];
+    let mut jobs = vec![TouchedNode { key: NodeKey::ROOT, segments, lines, only_listed: false }];
     for _ in 0..JOB_LEVEL {
         jobs = jobs.into_par_iter().flat_map_iter(|node| divide(solids, node, leaves)).collect();
         progress.check()?;
@@ -166,25 +166,25 @@ pub(super) fn write_identity(
 }
 
 /// A node's children that segments touch, if it has any.
-fn divide(solids: &Solids, node: Touched, leaves: &ListedNodes<'_>) -> Vec<Touched> {
+fn divide(solids: &Solids, node: TouchedNode, leaves: &ListedNodes<'_>) -> Vec<TouchedNode> {
     match leaves.role(node.key) {
         _ if node.only_listed => vec![node],
         Role::Leaf => vec![node],
         Role::Elsewhere => Vec::new(),
         Role::Interior => children(solids, &node).collect(),
         Role::Perhaps => {
-            let below: Vec<Touched> = children(solids, &node).collect();
-            std::iter::once(Touched { only_listed: true, ..node }).chain(below).collect()
+            let below: Vec<TouchedNode> = children(solids, &node).collect();
+            std::iter::once(TouchedNode { only_listed: true, ..node }).chain(below).collect()
         }
     }
 }
 
 /// The children that segments touch.
-fn children(solids: &Solids, node: &Touched) -> impl Iterator<Item = Touched> {
+fn children(solids: &Solids, node: &TouchedNode) -> impl Iterator<Item = TouchedNode> {
     let lists = Binner::new(node.key, 1).sort_indices(solids, &node.segments);
     let child = move |octant: Octant| {
         let indices = lists.of(octant.index());
-        Touched {
+        TouchedNode {
             key: node.key.child(octant),
             segments: indices.iter().map(|&i| node.segments[i as usize]).collect(),
             lines: indices.iter().filter_map(|&i| node.lines.get(i as usize).copied()).collect(),
@@ -202,7 +202,7 @@ struct Lists {
 }
 
 impl Lists {
-    fn add(&mut self, (solids, count): (&Solids, Count), node: &Touched, leaves: &ListedNodes<'_>) {
+    fn add(&mut self, (solids, count): (&Solids, Count), node: &TouchedNode, leaves: &ListedNodes<'_>) {
         let role = if node.only_listed { Role::Leaf } else { leaves.role(node.key) };
         if matches!(role, Role::Leaf | Role::Perhaps) {
             let lines = node.lines.iter().copied().chain(std::iter::repeat(0));

@@ -58,7 +58,7 @@ impl<'a, P> From<&BatchLeaf<'a, P>> for PieceList<'a, P> {
 type KnownNode<P> = (NodeKey, NodeDecision<P>);
 
 /// One of whose children this is known, too.
-enum Opened<P> {
+enum DecidedNode<P> {
     /// No surface touches it.
     Empty(i16),
     Leaf(NodeKey, Brick),
@@ -336,30 +336,30 @@ impl<'a, F: PieceField> SubtreeBuilder<'a, F> {
     }
 
     /// Finds out what becomes of a node's children.
-    fn open(&mut self, key: NodeKey, decided: NodeDecision<F::Piece>) -> Result<Opened<F::Piece>> {
+    fn open(&mut self, key: NodeKey, decided: NodeDecision<F::Piece>) -> Result<DecidedNode<F::Piece>> {
         Ok(match decided {
-            NodeDecision::Empty(w) => Opened::Empty(w),
+            NodeDecision::Empty(w) => DecidedNode::Empty(w),
             NodeDecision::Leaf(brick, thin) => {
                 if let Some(thin) = thin {
                     self.plan.add_thin(&thin);
                 }
-                Opened::Leaf(key, brick)
+                DecidedNode::Leaf(key, brick)
             }
             NodeDecision::Refined(samples, children) => {
-                Opened::Refined(key, samples, self.decide(*children)?)
+                DecidedNode::Refined(key, samples, self.decide(*children)?)
             }
         })
     }
 
     /// Builds what is below a node, and records all of it.
-    fn record(&mut self, opened: Opened<F::Piece>) -> Result<JoinedNode> {
+    fn record(&mut self, opened: DecidedNode<F::Piece>) -> Result<JoinedNode> {
         let (key, samples, children) = match opened {
-            Opened::Empty(w) => return Ok(JoinedNode::Empty(w)),
-            Opened::Leaf(key, brick) => {
+            DecidedNode::Empty(w) => return Ok(JoinedNode::Empty(w)),
+            DecidedNode::Leaf(key, brick) => {
                 self.records.push(key, true, &brick);
                 return Ok(JoinedNode::Stored(CoarseSamples::of(&brick)));
             }
-            Opened::Refined(key, samples, children) => (key, samples, children),
+            DecidedNode::Refined(key, samples, children) => (key, samples, children),
         };
         let mut nodes = Vec::with_capacity(8);
         self.record_all(children, &mut |_, node| nodes.push(node))?;

@@ -128,7 +128,7 @@ fn sheet(tops: &[f64]) -> Option<(f64, f64)> {
 
 /// What is known of all segments, in cubic units.
 #[derive(Clone, Copy, Default)]
-struct Known {
+struct SegmentTotals {
     swept: f64,
     ends: f64,
     /// About the area of their shadows along the lines, in square units.
@@ -139,7 +139,7 @@ struct Known {
     boxes: f64,
 }
 
-impl Known {
+impl SegmentTotals {
     /// About how many intervals lie on the lines of `strata`: a line meets what
     /// its own length and that of a segment reach.
     fn intervals(&self, strata: &Strata) -> f64 {
@@ -202,8 +202,8 @@ impl Scene<'_> {
     }
 
     /// Sums over all segments, in the order of the toolpaths.
-    fn known(self) -> Known {
-        let mut known = Known::default();
+    fn known(self) -> SegmentTotals {
+        let mut known = SegmentTotals::default();
         for segment in self.segments {
             let profile = self.solids.profile(segment);
             if !profile.is_solid() {

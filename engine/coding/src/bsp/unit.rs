@@ -74,7 +74,7 @@ fn is_occupied<C: Coder>(
     found: usize,
     value: bool,
 ) -> bool {
-    let causal = Causal::new(setting.directions, cells, at);
+    let causal = CausalContext::new(setting.directions, cells, at);
     let (parent, beside) = around.bins(octant);
     let near = causal.bin();
     let set = causal.planes + if around.count > 1 { 4 } else { 0 } + if octant == 0 { 8 } else { 0 };
@@ -91,7 +91,7 @@ fn is_occupied<C: Coder>(
 }
 
 /// What is known of the cells before one.
-struct Causal {
+struct CausalContext {
     /// Which of seven cells before it have splats.
     bits: usize,
     /// Of how many beside it a plane is known.
@@ -104,10 +104,10 @@ struct Causal {
 const BEFORE: [[i8; 3]; 7] =
     [[-1, 0, 0], [0, -1, 0], [0, 0, -1], [-1, -1, 0], [-1, 0, -1], [0, -1, -1], [-1, -1, -1]];
 
-impl Causal {
+impl CausalContext {
     #[inline]
-    fn new(directions: &Directions, cells: &Cells<Splat>, at: [u8; 3]) -> Causal {
-        let mut causal = Causal { bits: 0, planes: 0, passes: 0 };
+    fn new(directions: &Directions, cells: &Cells<Splat>, at: [u8; 3]) -> CausalContext {
+        let mut causal = CausalContext { bits: 0, planes: 0, passes: 0 };
         for (n, step) in BEFORE.iter().enumerate() {
             let cell = match cells.beside(at, *step) {
                 Some(cell) => cell,

@@ -42,13 +42,13 @@ pub struct PartFile {
     end: u64,
     /// Up to where there is room, as far as it matters.
     reserved: u64,
-    written: Mutex<Written>,
+    written: Mutex<WriteProgress>,
     finished: bool,
 }
 
 /// How far writing has come.
 #[derive(Default)]
-struct Written {
+struct WriteProgress {
     bytes: u64,
     /// Where the last of them ends.
     end: u64,

@@ -106,7 +106,7 @@ impl CornerTable {
 
 /// One end of an edge in one triangle, seen from a vertex.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Spoke {
+struct EdgeEnd {
     /// The vertex at the other end.
     to: u32,
     /// The corner here, by its number in the vertex' list.
@@ -153,15 +153,15 @@ impl Counts {
 
 /// Lists that the study of one vertex fills, kept for the next.
 #[derive(Default)]
-struct Desk {
+struct VertexScratch {
     corners: Vec<u32>,
-    spokes: Vec<Spoke>,
+    spokes: Vec<EdgeEnd>,
     /// Which corners of the list hang together: each points to one before it, or to itself.
     fans: Vec<u32>,
     rims: Vec<[u32; 2]>,
 }
 
-impl Desk {
+impl VertexScratch {
     /// The first corner of the fan so far, with paths halved on the way.
     fn fan(&mut self, mut corner: u32) -> u32 {
         while self.fans[corner as usize] != corner {
@@ -173,15 +173,15 @@ impl Desk {
     }
 }
 
-struct Study<'a> {
+struct VertexFans<'a> {
     mesh: &'a Mesh<'a>,
     corners: CornerTable,
     patches: ConcurrentSets,
     euler: Vec<AtomicI8>,
 }
 
-impl Study<'_> {
-    fn vertex(&self, vertex: u32, desk: &mut Desk, counts: &mut Counts) {
+impl VertexFans<'_> {
+    fn vertex(&self, vertex: u32, desk: &mut VertexScratch, counts: &mut Counts) {
         let corners = self.corners.at(vertex as usize);
         if corners.is_empty() {
             return;
@@ -194,8 +194,8 @@ impl Study<'_> {
         for (number, &corner) in desk.corners.iter().enumerate() {
             let (triangle, i) = (&self.mesh.triangles[corner as usize / 3], corner as usize % 3);
             let (next, last) = (triangle[(i + 1) % 3], triangle[(i + 2) % 3]);
-            desk.spokes.push(Spoke { to: next, corner: number as u32, outward: true });
-            desk.spokes.push(Spoke { to: last, corner: number as u32, outward: false });
+            desk.spokes.push(EdgeEnd { to: next, corner: number as u32, outward: true });
+            desk.spokes.push(EdgeEnd { to: last, corner: number as u32, outward: false });
             if vertex < next && vertex < last {
                 desk.rims.push([next.min(last), next.max(last)]);
             }
@@ -208,7 +208,7 @@ impl Study<'_> {
         self.edges_and_fans(vertex, desk, counts);
     }
 
-    fn edges_and_fans(&self, vertex: u32, desk: &mut Desk, counts: &mut Counts) {
+    fn edges_and_fans(&self, vertex: u32, desk: &mut VertexScratch, counts: &mut Counts) {
         desk.fans.clear();
         desk.fans.extend(0..desk.corners.len() as u32);
         let spokes = std::mem::take(&mut desk.spokes);
@@ -218,7 +218,7 @@ impl Study<'_> {
                 desk.fans[a.max(b) as usize] = a.min(b);
             }
             if vertex < edge[0].to {
-                let triangle = |spoke: &Spoke| desk.corners[spoke.corner as usize] / 3;
+                let triangle = |spoke: &EdgeEnd| desk.corners[spoke.corner as usize] / 3;
                 let out = edge.iter().filter(|spoke| spoke.outward).count();
                 let odd = edge.len() % 2;
                 counts.edges += 1;
@@ -249,7 +249,7 @@ pub(super) fn study(mesh: &Mesh, progress: &dyn Progress) -> Result<Topology> {
     let vertices = mesh.positions.len();
     progress.phase("edges", Some(vertices as u64), "vertices");
     let of_triangle = |t: &[u32; 3]| AtomicI8::new(is_whole(t).into());
-    let study = Study {
+    let study = VertexFans {
         mesh,
         corners: CornerTable::of(mesh.positions.len(), &mesh.triangles),
         patches: ConcurrentSets::new(mesh.triangles.len()),
@@ -258,7 +258,7 @@ pub(super) fn study(mesh: &Mesh, progress: &dyn Progress) -> Result<Topology> {
     let of_chunk = |chunk: usize| {
         progress.check()?;
         let range = chunk * CHUNK..vertices.min((chunk + 1) * CHUNK);
-        let (mut desk, mut counts) = (Desk::default(), Counts::NONE);
+        let (mut desk, mut counts) = (VertexScratch::default(), Counts::NONE);
         range.clone().for_each(|vertex| study.vertex(vertex as u32, &mut desk, &mut counts));
         progress.advance(range.len() as u64);
         Ok(counts)

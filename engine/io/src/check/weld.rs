@@ -34,19 +34,19 @@ impl PositionBits for Units {
 }
 
 /// Positions without repetition, numbered as they come.
-struct Distinct<P> {
+struct DistinctPositions<P> {
     positions: Vec<P>,
     numbers: HashTable<u32>,
 }
 
-impl<P: PositionBits> Distinct<P> {
-    fn new() -> Distinct<P> {
-        Distinct { positions: Vec::new(), numbers: HashTable::new() }
+impl<P: PositionBits> DistinctPositions<P> {
+    fn new() -> DistinctPositions<P> {
+        DistinctPositions { positions: Vec::new(), numbers: HashTable::new() }
     }
 
     /// The number of `position`.
     fn number(&mut self, position: P) -> u32 {
-        let Distinct { positions, numbers } = self;
+        let DistinctPositions { positions, numbers } = self;
         let bits = position.bits();
         let is_same = |&number: &u32| positions[number as usize].bits() == bits;
         let hash = |&number: &u32| hash_bits(positions[number as usize].bits());
@@ -73,7 +73,7 @@ impl<P: PositionBits> Run<P> {
     fn of(source: &dyn Facets, range: Range<u64>, position: impl Fn([f64; 3]) -> P) -> Run<P> {
         let mut facets: Vec<Facet> = Vec::new();
         source.read(range, &mut facets);
-        let mut distinct = Distinct::new();
+        let mut distinct = DistinctPositions::new();
         let mut number = |corner: [f64; 3]| distinct.number(position(corner));
         let triangles = facets.into_iter().map(|facet| facet.map(&mut number)).collect();
         Run { positions: distinct.positions, triangles }
@@ -118,7 +118,7 @@ pub fn weld_by<P: PositionBits>(
             |(source, range): &(usize, Range<u64>)| Run::of(sources[*source], range.clone(), &position);
         runs.par_iter().map(of_run).collect()
     };
-    let mut all = Distinct::new();
+    let mut all = DistinctPositions::new();
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(triangle_count as usize);
     let mut waves = runs.chunks(WAVE_RUNS);
     let mut present = waves.next().map_or_else(Vec::new, read);

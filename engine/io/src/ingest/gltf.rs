@@ -34,10 +34,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
     Scene { json: &json, binary, polygons: Polygons::default(), placed: 0 }.read().map_err(damaged)
 }
 
-type Found<T> = std::result::Result<T, String>;
+type GltfResult<T> = std::result::Result<T, String>;
 
 /// The chunks of JSON and of numbers.
-fn chunks(bytes: &[u8]) -> Found<(&[u8], &[u8])> {
+fn chunks(bytes: &[u8]) -> GltfResult<(&[u8], &[u8])> {
     let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     if word(4) != Some(2) {
         return Err("is not of version 2".to_owned());
@@ -73,7 +73,7 @@ struct Numbers<'a> {
 }
 
 impl Scene<'_> {
-    fn read(mut self) -> Found<Polygons> {
+    fn read(mut self) -> GltfResult<Polygons> {
         let required =
             self.json["extensionsRequired"].as_array().into_iter().flatten().filter_map(Value::as_str);
         for extension in required {
@@ -96,7 +96,7 @@ impl Scene<'_> {
         Ok(self.polygons)
     }
 
-    fn node(&mut self, number: &Value, above: &Placement, depth: usize) -> Found<()> {
+    fn node(&mut self, number: &Value, above: &Placement, depth: usize) -> GltfResult<()> {
         let json = self.json;
         let node = number.as_u64().and_then(|n| list(json, "nodes").get(n as usize));
         let node = node.ok_or_else(|| format!("there is no node {number}"))?;
@@ -119,7 +119,7 @@ impl Scene<'_> {
             .try_for_each(|child| self.node(child, &at, depth + 1))
     }
 
-    fn mesh(&mut self, number: usize, at: &Placement) -> Found<()> {
+    fn mesh(&mut self, number: usize, at: &Placement) -> GltfResult<()> {
         let json = self.json;
         let mesh = list(json, "meshes").get(number).ok_or_else(|| format!("there is no mesh {number}"))?;
         for primitive in mesh["primitives"].as_array().into_iter().flatten() {
@@ -155,7 +155,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    fn positions(&self, accessor: u64) -> Found<Vec<[f64; 3]>> {
+    fn positions(&self, accessor: u64) -> GltfResult<Vec<[f64; 3]>> {
         let normalized =
             list(self.json, "accessors").get(accessor as usize).is_some_and(|a| a["normalized"] == true);
         let numbers = self.numbers(accessor, "VEC3", 3)?;
@@ -184,7 +184,7 @@ impl Scene<'_> {
         Ok((0..numbers.count).map(vertex).collect())
     }
 
-    fn indices(&self, accessor: u64, vertices: usize) -> Found<Vec<u32>> {
+    fn indices(&self, accessor: u64, vertices: usize) -> GltfResult<Vec<u32>> {
         let numbers = self.numbers(accessor, "SCALAR", 1)?;
         let index = |n: usize| {
             let bytes = &numbers.bytes[n * numbers.stride..];
@@ -201,7 +201,7 @@ impl Scene<'_> {
     }
 
     /// The bytes of an accessor of `width` numbers an element, all of which are there.
-    fn numbers(&self, accessor: u64, shape: &str, width: usize) -> Found<Numbers<'_>> {
+    fn numbers(&self, accessor: u64, shape: &str, width: usize) -> GltfResult<Numbers<'_>> {
         let wrong = |what: &str| format!("accessor {accessor} {what}");
         let found =
             list(self.json, "accessors").get(accessor as usize).ok_or_else(|| wrong("is not there"))?;
@@ -251,8 +251,8 @@ fn size(kind: u64) -> usize {
 }
 
 /// A node's place in its parent.
-fn placement(node: &Value) -> Found<Placement> {
-    let numbers = |name: &str, count: usize| -> Found<Option<Vec<f64>>> {
+fn placement(node: &Value) -> GltfResult<Placement> {
+    let numbers = |name: &str, count: usize| -> GltfResult<Option<Vec<f64>>> {
         let Some(all) = node[name].as_array() else { return Ok(None) };
         let all = all.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>();
         let all =

@@ -84,7 +84,7 @@ impl PieceTable {
 }
 
 /// Facets with a mark, and their sets.
-struct Joining {
+struct FacetUnion {
     sets: ParitySets,
     consistency: Consistency,
     open: Bits,
@@ -104,7 +104,7 @@ pub(super) fn gather(
     progress: &dyn Progress,
 ) -> Result<PieceTable> {
     let facets = mesh.triangles.len();
-    let mut joining = Joining {
+    let mut joining = FacetUnion {
         sets: ParitySets::new(facets),
         consistency,
         open: Bits::new(facets),
@@ -120,7 +120,7 @@ pub(super) fn gather(
     Ok(joining.pieces(mesh))
 }
 
-impl Joining {
+impl FacetUnion {
     /// Joins the facets at edges of two, and keeps those at edges of more.
     fn take(&mut self, edges: Edges) {
         for side in edges.lone {

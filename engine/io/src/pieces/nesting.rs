@@ -85,7 +85,7 @@ fn confirmed(
     let members = Members::of(gathered, &pairs);
     let of_outer = |pairs: &[PieceNesting]| -> Result<Vec<PieceNesting>> {
         progress.check()?;
-        let room = Room::new(mesh, gathered, members.of_piece(pairs[0].outer), pairs[0].outer);
+        let room = OuterPiece::new(mesh, gathered, members.of_piece(pairs[0].outer), pairs[0].outer);
         let holds = |pair: &&PieceNesting| room.holds(members.of_piece(pair.inner));
         let held = pairs.par_iter().filter(holds).copied().collect();
         progress.advance(pairs.len() as u64);
@@ -142,7 +142,7 @@ impl Members {
 }
 
 /// A piece that others may lie in.
-struct Room<'a> {
+struct OuterPiece<'a> {
     mesh: &'a IndexedMesh<Units>,
     gathered: &'a PieceTable,
     tree: BoxTree,
@@ -150,17 +150,17 @@ struct Room<'a> {
     reversed: bool,
 }
 
-impl Room<'_> {
+impl OuterPiece<'_> {
     fn new<'a>(
         mesh: &'a IndexedMesh<Units>,
         gathered: &'a PieceTable,
         facets: &[u32],
         piece: u32,
-    ) -> Room<'a> {
+    ) -> OuterPiece<'a> {
         let corners =
             |facet: u32| mesh.triangles[facet as usize].map(|v| mesh.positions[v as usize].map(f64::from));
         let tree = BoxTree::new(facets.to_vec(), &corners);
-        Room { mesh, gathered, tree, reversed: gathered.pieces[piece as usize].is_reversed() }
+        OuterPiece { mesh, gathered, tree, reversed: gathered.pieces[piece as usize].is_reversed() }
     }
 
     fn corners(&self, facet: u32) -> [Units; 3] {

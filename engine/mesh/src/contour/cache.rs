@@ -59,7 +59,7 @@ impl<V> LeafCache<V> {
             state.waiting -= 1;
         }
         drop(state);
-        let making = Making { cache: self, leaf };
+        let making = RetryGuard { cache: self, leaf };
         let (value, bytes) = make()?;
         let value = Arc::new(value);
         self.lock().insert(leaf, Arc::clone(&value), bytes, self.budget_bytes);
@@ -79,12 +79,12 @@ impl<V> LeafCache<V> {
 }
 
 /// Lets the next thread try, however the making ends.
-struct Making<'a, V> {
+struct RetryGuard<'a, V> {
     cache: &'a LeafCache<V>,
     leaf: u32,
 }
 
-impl<V> Drop for Making<'_, V> {
+impl<V> Drop for RetryGuard<'_, V> {
     fn drop(&mut self) {
         let mut state = self.cache.lock();
         state.making.remove(&self.leaf);

@@ -52,7 +52,7 @@ pub(super) struct LevelSet<'a> {
     cells: LeafCache<BrickCells>,
     faces: LeafCache<FaceVertices>,
     /// Where vertices are merged.
-    merging: Option<Merging>,
+    merging: Option<MergeStages>,
     follows_creases: bool,
     /// Whether vertices of smooth cells stand on the surface, not where planes meet outside of it.
     pub on_surface: OnSurface,
@@ -64,7 +64,7 @@ pub(super) struct LevelSet<'a> {
 }
 
 /// What is made of a leaf beside its cells to merge their vertices.
-struct Merging {
+struct MergeStages {
     /// As in [`ContourOptions::tolerance`].
     tolerance: f64,
     /// As in [`ContourOptions::intersection_free`].
@@ -89,7 +89,7 @@ impl<'a> LevelSet<'a> {
         let cache_bytes = options.cache_bytes;
         let leaves = Leaves::new(tree, options.level, level.threshold)?;
         // Surfaces serve only cells between levels; cells are asked for again by every neighbour.
-        let merging = (options.tolerance > 0.0).then(|| Merging {
+        let merging = (options.tolerance > 0.0).then(|| MergeStages {
             tolerance: options.tolerance,
             intersection_free: options.intersection_free,
             drafts: LeafCache::new(cache_bytes / 4),

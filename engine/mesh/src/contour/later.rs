@@ -38,11 +38,11 @@ pub(super) struct SpooledTriangles {
     pub count: u32,
     /// Of how many leaves, the first ones, the vertices must have come.
     leaves: u32,
-    kept: Kept,
+    kept: SpoolPlace,
 }
 
 /// Triangles, then places.
-enum Kept {
+enum SpoolPlace {
     At(u64),
     Bytes(Vec<u8>),
 }
@@ -50,7 +50,7 @@ enum Kept {
 impl SpooledTriangles {
     /// They take no more room than they need.
     pub(super) fn shrink(&mut self) {
-        if let Kept::Bytes(bytes) = &mut self.kept {
+        if let SpoolPlace::Bytes(bytes) = &mut self.kept {
             bytes.shrink_to_fit();
         }
     }
@@ -58,8 +58,8 @@ impl SpooledTriangles {
     /// The room that they took, when they are of no use any more.
     pub(super) fn room(&mut self) -> Vec<u8> {
         match &mut self.kept {
-            Kept::Bytes(bytes) => std::mem::take(bytes),
-            Kept::At(_) => Vec::new(),
+            SpoolPlace::Bytes(bytes) => std::mem::take(bytes),
+            SpoolPlace::At(_) => Vec::new(),
         }
     }
 }
@@ -118,8 +118,8 @@ impl TriangleSpool {
         let numbers = places.iter().flat_map(|(leaf, number)| [leaf, number]);
         leaf.bytes.extend(numbers.flat_map(|number| number.to_le_bytes()));
         let kept = match &self.file {
-            Some(file) if count > 0 => Kept::At(file.append(&leaf.bytes)?),
-            _ => Kept::Bytes(std::mem::take(&mut leaf.bytes)),
+            Some(file) if count > 0 => SpoolPlace::At(file.append(&leaf.bytes)?),
+            _ => SpoolPlace::Bytes(std::mem::take(&mut leaf.bytes)),
         };
         Ok(SpooledTriangles { places: places.len() as u32, count, leaves, kept })
     }
@@ -138,8 +138,8 @@ impl TriangleSpool {
         let triangles = waiting.count as usize * each;
         let mut read = Vec::new();
         let bytes = match &waiting.kept {
-            Kept::Bytes(bytes) => &bytes[..],
-            Kept::At(offset) => {
+            SpoolPlace::Bytes(bytes) => &bytes[..],
+            SpoolPlace::At(offset) => {
                 read.resize(triangles + waiting.places as usize * PLACE_BYTES, 0);
                 self.file.as_ref().map_or(Ok(()), |file| file.read(*offset, &mut read))?;
                 &read

@@ -18,15 +18,15 @@ pub(super) const SLACK: f64 = 1e-12;
 
 /// Two loops of a cell lie where `normal`·p is at most `low`, and at least `high`; p is 0..1 along each axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Gap {
+struct SeparatingSlab {
     normal: [i8; 3],
     low: i8,
     high: i8,
 }
 
 /// By kind and pair (i, j), i < j, at j·(j − 1)/2 + i.
-static GAPS: LazyLock<Box<[[Gap; PAIRS]; KINDS]>> = LazyLock::new(|| {
-    let mut gaps = Box::new([[Gap::default(); PAIRS]; KINDS]);
+static GAPS: LazyLock<Box<[[SeparatingSlab; PAIRS]; KINDS]>> = LazyLock::new(|| {
+    let mut gaps = Box::new([[SeparatingSlab::default(); PAIRS]; KINDS]);
     for (kind, gaps) in CellCase::all().zip(gaps.iter_mut()) {
         for (i, j) in pairs(kind.loops().count.into()) {
             gaps[j * (j - 1) / 2 + i] = widest(kind, i, j);
@@ -36,7 +36,7 @@ static GAPS: LazyLock<Box<[[Gap; PAIRS]; KINDS]>> = LazyLock::new(|| {
 });
 
 /// The gap between loops i < j of a cell.
-fn gap(kind: CellCase, i: usize, j: usize) -> &'static Gap {
+fn gap(kind: CellCase, i: usize, j: usize) -> &'static SeparatingSlab {
     &GAPS[kind.index()][j * (j - 1) / 2 + i]
 }
 
@@ -60,18 +60,18 @@ fn along(normal: [i8; 3], at: [i8; 3]) -> i8 {
 }
 
 /// The gap with the most room of all whose normals have components −1, 0 and 1, the first one of equals.
-fn widest(kind: CellCase, i: usize, j: usize) -> Gap {
+fn widest(kind: CellCase, i: usize, j: usize) -> SeparatingSlab {
     let normals = (0..27i8).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1]);
     let gaps = normals.map(|normal| {
         let low = ends(kind, i).map(|at| along(normal, at)).max().unwrap_or_default();
         let high = ends(kind, j).map(|at| along(normal, at)).min().unwrap_or_default();
-        Gap { normal, low, high }
+        SeparatingSlab { normal, low, high }
     });
-    let room = |gap: &Gap| if gap.normal == [0; 3] { i8::MIN } else { gap.high - gap.low };
+    let room = |gap: &SeparatingSlab| if gap.normal == [0; 3] { i8::MIN } else { gap.high - gap.low };
     gaps.reduce(|best, gap| if room(&gap) > room(&best) { gap } else { best }).unwrap_or_default()
 }
 
-impl Gap {
+impl SeparatingSlab {
     fn along(&self, at: [f64; 3]) -> f64 {
         (0..3).map(|a| f64::from(self.normal[a]) * at[a]).sum()
     }

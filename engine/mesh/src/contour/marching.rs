@@ -31,7 +31,7 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 use std::sync::{Arc, LazyLock};
 
 /// The crossings of a loop, by edge of the cell, one after the other.
-struct Ring {
+struct LoopCrossings {
     edges: Vec<u8>,
     cut: Cut,
 }
@@ -47,8 +47,8 @@ enum Cut {
 }
 
 /// By kind of cell.
-static RINGS: LazyLock<Vec<Vec<Ring>>> = LazyLock::new(|| {
-    let mut rings: Vec<Vec<Ring>> = Vec::new();
+static RINGS: LazyLock<Vec<Vec<LoopCrossings>>> = LazyLock::new(|| {
+    let mut rings: Vec<Vec<LoopCrossings>> = Vec::new();
     rings.resize_with(KINDS, Vec::new);
     for kind in CellCase::all() {
         rings[kind.index()] = rings_of(kind.loops());
@@ -56,7 +56,7 @@ static RINGS: LazyLock<Vec<Vec<Ring>>> = LazyLock::new(|| {
     rings
 });
 
-fn rings_of(loops: &CellLoops) -> Vec<Ring> {
+fn rings_of(loops: &CellLoops) -> Vec<LoopCrossings> {
     let mut next = [None; 12];
     for face in 0..6 {
         for (enter, leave) in loops.face_cuts(Axis::ALL[face / 2], face % 2) {
@@ -66,13 +66,13 @@ fn rings_of(loops: &CellLoops) -> Vec<Ring> {
     let ring = |of: usize| {
         let first = loops.edges[of].trailing_zeros() as usize;
         let ring = std::iter::successors(Some(first), |&edge| next[edge].filter(|&after| after != first));
-        Ring::new(ring.map(|edge| edge as u8).collect())
+        LoopCrossings::new(ring.map(|edge| edge as u8).collect())
     };
     (0..usize::from(loops.count)).map(ring).collect()
 }
 
-impl Ring {
-    fn new(edges: Vec<u8>) -> Ring {
+impl LoopCrossings {
+    fn new(edges: Vec<u8>) -> LoopCrossings {
         let apart = |a: usize, b: usize| faces_at(edges[a]) & faces_at(edges[b]) == 0;
         let mut triangles = Vec::new();
         let cut = match edges.len() {
@@ -80,7 +80,7 @@ impl Ring {
             count if cut(&edges, (0, count - 1), &mut triangles) => Cut::Triangles(triangles),
             _ => Cut::Fan,
         };
-        Ring { edges, cut }
+        LoopCrossings { edges, cut }
     }
 }
 
@@ -176,7 +176,7 @@ fn own_normals(changes: &HermiteSurface) -> Vec<[f32; 3]> {
 }
 
 /// Hands the triangles of a ring on. Rings run counter-clockwise seen from outside.
-fn push(cutter: &mut Cutter, ring: &Ring, corner: impl Fn(usize) -> Vertex) {
+fn push(cutter: &mut Cutter, ring: &LoopCrossings, corner: impl Fn(usize) -> Vertex) {
     match &ring.cut {
         &Cut::Quad(allowed) => {
             cutter.push([0, 1, 2, 3].map(&corner), QuadSplit::Quad, allowed);
@@ -232,7 +232,7 @@ impl Crossings {
             let place = direction_index(owner);
             let owner = match &mut owners[place] {
                 Some(owner) => owner,
-                none => none.insert(Owner::new(field, around[place])?),
+                none => none.insert(ApronOwner::new(field, around[place])?),
             };
             corners.push(owner.corner(axis, low, &mut names).ok_or_else(|| broken(key))?);
         }
@@ -268,7 +268,7 @@ fn require_one_level(around: &LeafNeighbours, axis: Axis, low: [usize; 3]) -> Re
 }
 
 /// The leaf that edges of the apron belong to.
-struct Owner {
+struct ApronOwner {
     leaf: u32,
     surface: Arc<LeafSurface>,
     lattice: [[f32; BRICK_POINTS]; 3],
@@ -276,8 +276,8 @@ struct Owner {
     before: [Vec<u32>; 3],
 }
 
-impl Owner {
-    fn new(field: &LevelSet, side: LeafNeighbour) -> Result<Owner> {
+impl ApronOwner {
+    fn new(field: &LevelSet, side: LeafNeighbour) -> Result<ApronOwner> {
         let LeafNeighbour::Same(leaf) = side else { return Err(broken(NodeKey::ROOT)) };
         let surface = field.surface(leaf)?;
         let mut before = [const { Vec::new() }; 3];
@@ -296,7 +296,7 @@ impl Owner {
             }
         }
         let lattice = field.frame(field.leaves.get(leaf).key).lattice();
-        Ok(Owner { leaf, surface, lattice, before })
+        Ok(ApronOwner { leaf, surface, lattice, before })
     }
 
     /// The crossing on an edge of it, given by the lower sample as the leaf below it counts.

@@ -108,7 +108,7 @@ fn minimisers_with<S: Simd>(simd: S, terms: &LoopTerms, bounds: [Vector; 2]) -> 
         largest = is_unknown.select(found, largest);
         on_faces(&matrix, rhs, mass, largest, bounds, &mut at);
     }
-    let at = Bounded { matrix, rhs, mass, largest, bounds }.least(simd, at);
+    let at = BoundedPlanes { matrix, rhs, mass, largest, bounds }.least(simd, at);
     let mut points = [[0.0; 3]; GROUP];
     for a in 0..3 {
         let at = at[a].as_array();
@@ -173,7 +173,7 @@ fn by_rotations<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> (Vec3<S>,
 }
 
 /// Planes about their mass points, and the box for the minimisers.
-struct Bounded<S: Simd> {
+struct BoundedPlanes<S: Simd> {
     matrix: Matrix<S>,
     rhs: Vec3<S>,
     mass: Vec3<S>,
@@ -182,7 +182,7 @@ struct Bounded<S: Simd> {
     bounds: [Vec3<S>; 2],
 }
 
-impl<S: Simd> Bounded<S> {
+impl<S: Simd> BoundedPlanes<S> {
     /// The minimisers over the box; `free` where that lies in it, else at the faces that it is beyond, their edges and
     /// their corners, with the remaining variables free.
     ///
@@ -225,7 +225,7 @@ impl<S: Simd> Bounded<S> {
         best
     }
 
-    /// The minimisers along the axes that are free, with digits as in [`Bounded::least`], without the eigenvalues that
+    /// The minimisers along the axes that are free, with digits as in [`BoundedPlanes::least`], without the eigenvalues that
     /// are small next to the largest: from the mass point, and as points.
     #[inline(always)]
     fn with_fixed(&self, simd: S, digits: [usize; 3]) -> (Vec3<S>, Vec3<S>) {

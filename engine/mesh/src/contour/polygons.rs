@@ -89,7 +89,7 @@ pub(super) fn leaf_facets(
     let mut cutter = Cutter::new(centre, TriangleNames::ON_EDGES, making.wanted, making.spare.take());
     cutter.fan_edges = making.normals.then(Vec::new);
     let quads = vertices.cells.take_quads();
-    let (cutter, names) = Maker::new(field, leaf, vertices.clone(), cutter).make(&quads)?;
+    let (cutter, names) = FacetMaker::new(field, leaf, vertices.clone(), cutter).make(&quads)?;
     field.spare_quads.keep(quads);
     field.release(leaf);
     let Cutter { count, bytes, measured, edge_vertices, fan_edges, .. } = cutter;
@@ -115,7 +115,7 @@ pub(super) fn named_facets(
     }
     let quads = vertices.cells.quads();
     let cutter = Cutter::new([0.0; 3], TriangleNames::ON_EDGES, first_bytes(None), Vec::new());
-    let mut maker = Maker::new(field, leaf, vertices.clone(), cutter);
+    let mut maker = FacetMaker::new(field, leaf, vertices.clone(), cutter);
     (maker.mark, maker.only_wide) = (MergeMark::FIRST, wanted.only_wide);
     maker.merged_edges(signs, &quads, &edges)?;
     Ok((maker.cutter.finish().bytes, maker.names))
@@ -195,7 +195,7 @@ struct Quarter {
 }
 
 /// Makes the facets of one leaf.
-struct Maker<'a> {
+struct FacetMaker<'a> {
     field: &'a LevelSet<'a>,
     key: NodeKey,
     around: LeafNeighbours,
@@ -214,13 +214,13 @@ struct Maker<'a> {
     cutter: Cutter,
 }
 
-impl<'a> Maker<'a> {
-    fn new(field: &'a LevelSet<'a>, leaf: u32, vertices: LeafVertices, cutter: Cutter) -> Maker<'a> {
+impl<'a> FacetMaker<'a> {
+    fn new(field: &'a LevelSet<'a>, leaf: u32, vertices: LeafVertices, cutter: Cutter) -> FacetMaker<'a> {
         let names = TriangleNames::new(leaf, vertices.positions().len() + vertices.on_faces().len());
         let key = field.leaves.get(leaf).key;
         let mut neighbours = [const { None }; 27];
         neighbours[OWN] = Some(vertices);
-        Maker {
+        FacetMaker {
             field,
             key,
             around: field.leaves.around(leaf),

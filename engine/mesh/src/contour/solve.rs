@@ -266,7 +266,8 @@ fn solve<S: Simd>(simd: S, group: &LoopGroup, used: usize, margin: f64, miss: f6
     let mut flat = is_flat.to_bitmask() & lanes;
     let mut sharp = (count - agreed).simd_gt(agreed * SHARP).to_bitmask() & lanes;
     // Neighbours are alike: most groups need one of the two.
-    let mut free = if flat != 0 { along_normal(simd, &matrix, rhs, normals) } else { Truncated::none(simd) };
+    let mut free =
+        if flat != 0 { along_normal(simd, &matrix, rhs, normals) } else { TruncatedPlanes::none(simd) };
     if flat != lanes {
         let creased = truncated(simd, &matrix, rhs);
         for a in 0..3 {
@@ -385,7 +386,7 @@ fn about_origin<S: Simd>(simd: S, planes: &Planes<S>, corners: Vec3<S>) -> [Wide
 }
 
 /// Offsets from the mass points.
-struct Truncated<S: Simd> {
+struct TruncatedPlanes<S: Simd> {
     x: Vec3<S>,
     /// The largest eigenvalue.
     largest: f64x8<S>,
@@ -396,23 +397,28 @@ struct Truncated<S: Simd> {
     is_line: mask64x8<S>,
 }
 
-impl<S: Simd> Truncated<S> {
+impl<S: Simd> TruncatedPlanes<S> {
     #[inline(always)]
-    fn none(simd: S) -> Truncated<S> {
+    fn none(simd: S) -> TruncatedPlanes<S> {
         let (zero, none) = (f64x8::splat(simd, 0.0), mask64x8::splat(simd, false));
-        Truncated { x: [zero; 3], largest: zero, is_sound: none, along: [zero; 3], is_line: none }
+        TruncatedPlanes { x: [zero; 3], largest: zero, is_sound: none, along: [zero; 3], is_line: none }
     }
 }
 
 /// Where the planes are as good as one.
 #[inline(always)]
-fn along_normal<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>, normals: Vec3<S>) -> Truncated<S> {
+fn along_normal<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>, normals: Vec3<S>) -> TruncatedPlanes<S> {
     // One step of the power method: the error of the direction shrinks a hundredfold.
     let v = matrix.times(normals);
     let square = dot(v, matrix.times(v));
     let scale = dot(v, rhs) / square;
     let is_sound = mask64x8::splat(simd, true);
-    Truncated { x: times(v, scale), largest: square / dot(v, v), is_sound, ..Truncated::none(simd) }
+    TruncatedPlanes {
+        x: times(v, scale),
+        largest: square / dot(v, v),
+        is_sound,
+        ..TruncatedPlanes::none(simd)
+    }
 }
 
 /// Pseudo-inverse times `rhs` without the eigenvalues below [`TRUNCATION_SQUARED`] of the largest, where at most one
@@ -421,7 +427,7 @@ fn along_normal<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>, normals: Vec
 /// The least eigenvalue's vector is the limit of the powers of the adjugate, whose eigenvalues are the products of two;
 /// the other two values follow from trace and minors. Jacobi's rotations take four times as long.
 #[inline(always)]
-fn truncated<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> Truncated<S> {
+fn truncated<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> TruncatedPlanes<S> {
     let adjugate = matrix.adjugate();
     let (trace, products) = (matrix.trace(), adjugate.trace());
     let (v, least, is_found) = least_eigenvector(matrix, &adjugate);
@@ -445,7 +451,7 @@ fn truncated<S: Simd>(simd: S, matrix: &Matrix<S>, rhs: Vec3<S>) -> Truncated<S>
         }
     }
     let is_line = is_found & has_two & !has_three;
-    Truncated { x, largest, is_sound: is_found & (has_three | has_two), along: v, is_line }
+    TruncatedPlanes { x, largest, is_sound: is_found & (has_three | has_two), along: v, is_line }
 }
 
 /// The eigenvectors, of length one, of eigenvalues well below the other two, with the values, and where there are

@@ -108,7 +108,7 @@ pub fn compare(first: &Store, second: &Store, progress: &dyn Progress) -> Result
     let found = pairs
         .par_chunks(NODES_AT_ONCE)
         .map(|chunk| {
-            let (mut found, mut desk) = (Comparison::default(), Desk::default());
+            let (mut found, mut desk) = (Comparison::default(), CompareScratch::default());
             for pair in chunk {
                 progress.check()?;
                 found.take(first, second, *pair, &mut desk)?;
@@ -145,10 +145,10 @@ fn facts_that_differ(first: &Store, second: &Store) -> Vec<MetaDifference> {
 }
 
 /// A node's entries in the two stores, of which one may lack it.
-type Pair<'a, T> = (Option<&'a T>, Option<&'a T>);
+type EntryPair<'a, T> = (Option<&'a T>, Option<&'a T>);
 
 /// All nodes of either, in key order.
-fn pairs<'a, T>(first: &'a [T], second: &'a [T], key: impl Fn(&T) -> NodeKey) -> Vec<Pair<'a, T>> {
+fn pairs<'a, T>(first: &'a [T], second: &'a [T], key: impl Fn(&T) -> NodeKey) -> Vec<EntryPair<'a, T>> {
     let (mut first, mut second) = (first.iter().peekable(), second.iter().peekable());
     let mut pairs = Vec::new();
     while let Some(next) = [first.peek(), second.peek()].into_iter().flatten().map(|&entry| key(entry)).min()
@@ -183,8 +183,8 @@ impl Comparison {
         &mut self,
         first: &Store,
         second: &Store,
-        pair: Pair<'_, IndexEntry>,
-        desk: &mut Desk,
+        pair: EntryPair<'_, IndexEntry>,
+        desk: &mut CompareScratch,
     ) -> Result<()> {
         let (a, b) = match pair {
             (Some(a), Some(b)) => (a, b),
@@ -206,7 +206,7 @@ impl Comparison {
             let (leaf, divided) = if a.leaf { ("first", "second") } else { ("second", "first") };
             self.name(a.key, format!("it is a leaf in the {leaf} store and divided in the {divided}"));
         }
-        let Desk { mine, theirs, scratch } = desk;
+        let CompareScratch { mine, theirs, scratch } = desk;
         first.read_payload(a, mine)?;
         second.read_payload(b, theirs)?;
         if a.head == b.head && mine == theirs {
@@ -224,7 +224,7 @@ impl Comparison {
 
 /// What a thread works with: the payloads of both stores, and the decoder's buffers.
 #[derive(Default)]
-struct Desk {
+struct CompareScratch {
     mine: Vec<u8>,
     theirs: Vec<u8>,
     scratch: Scratch,
@@ -339,10 +339,10 @@ fn lists(first: &Store, second: &Store, progress: &dyn Progress) -> Result<Compa
 }
 
 /// Pass or bead, section, ends and line of a segment.
-type Named = (u32, u32, Units, Units, u64);
+type SegmentIdentity = (u32, u32, Units, Units, u64);
 
 /// The segments of a leaf's list. In which order it names those of a bead says nothing, nor does naming one twice.
-fn segments(store: &Store, key: NodeKey, tables: &BeadTables) -> Result<BTreeSet<Named>> {
+fn segments(store: &Store, key: NodeKey, tables: &BeadTables) -> Result<BTreeSet<SegmentIdentity>> {
     let segments = store.segments(key, tables)?;
     Ok(segments.iter().map(|s| (s.pass, s.section, s.a, s.b, s.line)).collect())
 }

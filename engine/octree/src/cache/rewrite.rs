@@ -74,7 +74,7 @@ pub(super) struct Rewrite<'a> {
 
 /// Records that a thread has made.
 #[derive(Default)]
-struct Made {
+struct RewrittenRecords {
     /// Key, leaf or not, head and end of the payload in `bytes`.
     nodes: Vec<(NodeKey, bool, PayloadHead, usize)>,
     bytes: Vec<u8>,
@@ -82,7 +82,7 @@ struct Made {
 
 /// What a thread works with.
 #[derive(Default)]
-struct Desk {
+struct RewriteScratch {
     scratch: Scratch,
     payload: Vec<u8>,
 }
@@ -96,9 +96,9 @@ impl Rewrite<'_> {
         progress.phase("rewriting", Some(ordered.len() as u64), "records");
         let chunks: Vec<&[&IndexEntry]> = ordered.chunks(RECORDS_AT_ONCE).collect();
         let walk = Walk::new(store, ordered.len(), |number| Some(ordered[number].key));
-        let make = |desk: &mut Desk, number: usize| {
+        let make = |desk: &mut RewriteScratch, number: usize| {
             walk.at(number * RECORDS_AT_ONCE);
-            let mut made = Made::default();
+            let mut made = RewrittenRecords::default();
             for entry in chunks[number] {
                 progress.check()?;
                 self.make(entry, desk, &mut made)?;
@@ -106,7 +106,7 @@ impl Rewrite<'_> {
             Ok(made)
         };
         let window = 2 * rayon::current_num_threads();
-        run_ordered(chunks.len(), window, Desk::default, make, |made: Made| {
+        run_ordered(chunks.len(), window, RewriteScratch::default, make, |made: RewrittenRecords| {
             let mut from = 0;
             for &(key, leaf, head, end) in &made.nodes {
                 writer.append(key, leaf, head, &made.bytes[from..end])?;
@@ -130,8 +130,8 @@ impl Rewrite<'_> {
     }
 
     /// Adds the record of a node as it will be.
-    fn make(&self, entry: &IndexEntry, desk: &mut Desk, made: &mut Made) -> Result<()> {
-        let Desk { scratch, payload } = desk;
+    fn make(&self, entry: &IndexEntry, desk: &mut RewriteScratch, made: &mut RewrittenRecords) -> Result<()> {
+        let RewriteScratch { scratch, payload } = desk;
         let is_cut = self.cut.binary_search(&entry.key).is_ok();
         let head = if !is_cut && self.compression.is_none() {
             self.store.read_payload(entry, payload)?;

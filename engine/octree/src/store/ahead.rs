@@ -79,7 +79,7 @@ impl<'a> Walk<'a> {
 #[derive(Default)]
 pub(super) struct Prefetch {
     /// Records that were told of and have not been read.
-    waiting: Mutex<Waiting>,
+    waiting: Mutex<PrefetchQueue>,
     /// How many they are, so that who reads without being told needs no lock.
     count: AtomicUsize,
     told: AtomicU64,
@@ -87,7 +87,7 @@ pub(super) struct Prefetch {
 }
 
 #[derive(Default)]
-struct Waiting {
+struct PrefetchQueue {
     keys: HashSet<NodeKey>,
     /// In the order in which they were told, those that have been read among them.
     order: VecDeque<NodeKey>,
@@ -145,12 +145,12 @@ impl Prefetch {
     }
 
     /// No code that may panic runs under the lock, so a poisoned one holds sound data.
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
+    fn lock(&self) -> MutexGuard<'_, PrefetchQueue> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Waiting {
+impl PrefetchQueue {
     fn add(&mut self, key: NodeKey) {
         while self.order.len() >= REMEMBERED_MAX
             && let Some(oldest) = self.order.pop_front()

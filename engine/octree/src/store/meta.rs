@@ -80,7 +80,7 @@ impl BeadsMeta {
 /// What some stores have behind all else, as a list; without any the list is left out, as in stores from before there
 /// were additions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum Addition {
+enum MetaExtension {
     /// The samples count passes, of which all beads have this many.
     Passes(u64),
     /// Volumes of the source.
@@ -237,8 +237,9 @@ impl Meta {
             (beads, Some(share)) => options.serialize(&(self, beads, share)),
         }?;
         let passes = self.beads.as_ref().and_then(|beads| beads.passes);
-        let volumes = self.volumes.clone().map(Addition::Volumes);
-        let additions: Vec<Addition> = passes.map(Addition::Passes).into_iter().chain(volumes).collect();
+        let volumes = self.volumes.clone().map(MetaExtension::Volumes);
+        let additions: Vec<MetaExtension> =
+            passes.map(MetaExtension::Passes).into_iter().chain(volumes).collect();
         if !additions.is_empty() {
             bytes.extend(options.serialize(&additions)?);
         }
@@ -251,13 +252,15 @@ impl Meta {
             return Ok(self);
         }
         let options = options().with_limit(META_BYTES_MAX as u64);
-        let additions: Vec<Addition> =
+        let additions: Vec<MetaExtension> =
             options.deserialize(bytes).map_err(|_| "the metadata's additions cannot be read".to_owned())?;
         for addition in additions {
             match (addition, &mut self.beads) {
-                (Addition::Passes(passes), Some(beads)) => beads.passes = Some(passes),
-                (Addition::Passes(_), None) => return Err("passes of beads where there are no beads".into()),
-                (Addition::Volumes(volumes), _) => self.volumes = Some(volumes),
+                (MetaExtension::Passes(passes), Some(beads)) => beads.passes = Some(passes),
+                (MetaExtension::Passes(_), None) => {
+                    return Err("passes of beads where there are no beads".into());
+                }
+                (MetaExtension::Volumes(volumes), _) => self.volumes = Some(volumes),
             }
         }
         Ok(self)

@@ -26,7 +26,7 @@ pub struct SplatLevels {
 }
 
 /// A node whose parent is still to be made.
-struct Open {
+struct OpenNode {
     key: NodeKey,
     faces: Vec<CellClusters>,
 }
@@ -46,7 +46,7 @@ impl SplatLevels {
         let make = |leaf: &Leaf<'_>| Ok(cells(leaf.key, leaf.brick));
         let mut open = Vec::new();
         visit(tree, order.keys(), progress, make, |number, faces| {
-            open.push(Open { key: order.keys()[number], faces });
+            open.push(OpenNode { key: order.keys()[number], faces });
             levels.close(&mut open, tolerance);
             Ok(())
         })?;
@@ -57,7 +57,7 @@ impl SplatLevels {
     }
 
     /// Merges the last eight nodes as long as they are one node's children.
-    fn close(&mut self, open: &mut Vec<Open>, tolerance: f64) {
+    fn close(&mut self, open: &mut Vec<OpenNode>, tolerance: f64) {
         while let Some(last) = open.last()
             && last.key.octant().index() == 7
             && let Some(key) = last.key.parent()
@@ -69,7 +69,7 @@ impl SplatLevels {
                     self.keep(child.key, &child.faces);
                 }
             }
-            open.push(Open { key, faces });
+            open.push(OpenNode { key, faces });
         }
     }
 
@@ -104,7 +104,7 @@ impl SplatLevels {
 }
 
 /// The cells of a node from those of its children.
-fn parents(key: NodeKey, children: &[Open], tolerance: f64, may_divide: bool) -> Vec<CellClusters> {
+fn parents(key: NodeKey, children: &[OpenNode], tolerance: f64, may_divide: bool) -> Vec<CellClusters> {
     // Sorted by the parent's cell, then by octant.
     let mut parts: Vec<(u16, &CellClusters)> = Vec::new();
     for child in children {

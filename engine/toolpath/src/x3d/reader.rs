@@ -135,7 +135,7 @@ struct Definition {
 
 /// An element whose end has not come yet.
 #[derive(Debug)]
-struct Open {
+struct OpenElement {
     kind: NodeRole,
     shown: bool,
     to_scene: DAffine3,
@@ -148,10 +148,10 @@ struct Open {
     choice: i64,
 }
 
-impl Open {
+impl OpenElement {
     /// An element that changes nothing.
-    fn like(parent: &Open, kind: NodeRole) -> Open {
-        Open { kind, def: None, children: 0, choice: 0, ..*parent }
+    fn like(parent: &OpenElement, kind: NodeRole) -> OpenElement {
+        OpenElement { kind, def: None, children: 0, choice: 0, ..*parent }
     }
 }
 
@@ -160,7 +160,7 @@ struct Scene<'a, 'b> {
     path: &'a Path,
     sink: &'a mut Sink<'b>,
     report: X3dReport,
-    open: Vec<Open>,
+    open: Vec<OpenElement>,
     /// Parts of the open nodes with a DEF name, outermost first.
     parts: Vec<Vec<Part>>,
     definitions: Vec<Definition>,
@@ -206,7 +206,7 @@ impl<'a, 'b> Scene<'a, 'b> {
             (_, kind) => kind,
         };
         let is_inside_inert = matches!(parent.kind, NodeRole::Skipped(_));
-        let mut open = Open::like(parent, kind);
+        let mut open = OpenElement::like(parent, kind);
         if matches!(parent.kind, NodeRole::Switch | NodeRole::Lod) && kind != NodeRole::Remark {
             open.shown &= parent.children == parent.choice;
             parent.children += 1;
@@ -238,7 +238,7 @@ impl<'a, 'b> Scene<'a, 'b> {
             return Err(Error::input(self.path, format!("line {line}"), what, remedy));
         }
         self.begun = true;
-        self.open.push(Open {
+        self.open.push(OpenElement {
             kind: NodeRole::Group,
             shown: true,
             to_scene: DAffine3::IDENTITY,
@@ -251,7 +251,7 @@ impl<'a, 'b> Scene<'a, 'b> {
     }
 
     /// A node that holds others begins, or shows what another holds.
-    fn group(&mut self, open: &mut Open, tag: &BytesStart<'_>, name: &str, line: u64) -> Result<()> {
+    fn group(&mut self, open: &mut OpenElement, tag: &BytesStart<'_>, name: &str, line: u64) -> Result<()> {
         let mut matrix = Ok(Transform::default());
         if open.kind == NodeRole::Transform {
             matrix = fields::transform(tag.attributes());
@@ -297,7 +297,7 @@ impl<'a, 'b> Scene<'a, 'b> {
     }
 
     /// An Extrusion: handed over if it shows anywhere or might.
-    fn extrusion(&mut self, parent: &Open, tag: &BytesStart<'_>, line: u64) -> Result<()> {
+    fn extrusion(&mut self, parent: &OpenElement, tag: &BytesStart<'_>, line: u64) -> Result<()> {
         self.extrusion.line = line;
         let used = match self.extrusion.fill(tag.attributes()) {
             Ok(used) => used,
@@ -395,7 +395,7 @@ impl<'a, 'b> Scene<'a, 'b> {
 
     /// An element ends.
     fn end(&mut self) {
-        let Some(Open { def: Some(def), .. }) = self.open.pop() else { return };
+        let Some(OpenElement { def: Some(def), .. }) = self.open.pop() else { return };
         let parts = self.parts.pop().unwrap_or_default();
         let known = match parts[..] {
             [] => None,

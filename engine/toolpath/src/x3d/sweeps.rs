@@ -38,13 +38,13 @@ const NO_VOLUME: f64 = 1e-12;
 
 /// The cross-section's place at one spine point.
 #[derive(Clone, Copy, Debug)]
-struct Ring {
+struct SpineFrame {
     origin: DVec3,
     x: DVec3,
     z: DVec3,
 }
 
-impl Ring {
+impl SpineFrame {
     /// Where a point of the cross-section comes to lie.
     fn at(&self, [x, z]: [f64; 2]) -> DVec3 {
         self.origin + self.x * x + self.z * z
@@ -83,7 +83,7 @@ pub struct PlacedExtrusion<'a> {
 
 /// One Extrusion's place in the scene.
 #[derive(Clone, Copy, Debug)]
-struct Placed {
+struct SceneInstance {
     /// Number of its first triangle.
     first: u64,
     tube: u32,
@@ -96,12 +96,12 @@ pub struct Sweeps {
     outlines: Vec<[f64; 2]>,
     caps: Vec<[u32; 3]>,
     sections: Vec<Section>,
-    rings: Vec<Ring>,
+    rings: Vec<SpineFrame>,
     /// One for each Extrusion, also for those of which nothing shows.
     tubes: Vec<Tube>,
     matrices: Vec<DAffine3>,
     /// In the file's order, only those with triangles.
-    placed: Vec<Placed>,
+    placed: Vec<SceneInstance>,
     facets: u64,
     report: X3dReport,
 }
@@ -165,11 +165,11 @@ impl Sweeps {
             let turn = one_turn.unwrap_or_else(|| rotation(turns[i]));
             let axes: DMat3 = *frame * turn;
             let [x, z] = extrusion.scale[one_or_own(extrusion.scale.len(), i)];
-            rings.push(Ring { origin: spine[i], x: axes.x_axis * x, z: axes.z_axis * z });
+            rings.push(SpineFrame { origin: spine[i], x: axes.x_axis * x, z: axes.z_axis * z });
         });
         if closed == Some(true) {
             let origin = self.rings[start].origin;
-            let is_at_end = |ring: &&mut Ring| ring.origin.distance(origin) <= scp::COINCIDENT;
+            let is_at_end = |ring: &&mut SpineFrame| ring.origin.distance(origin) <= scp::COINCIDENT;
             self.rings[start..].iter_mut().rev().take_while(is_at_end).for_each(|r| r.origin = origin);
         }
         let section = self.section(&extrusion.cross_section, known);
@@ -259,7 +259,7 @@ impl Sweeps {
             self.matrices.push(to_scene);
         }
         let matrix = self.matrices.len() as u32 - 1;
-        self.placed.push(Placed { first: self.facets, tube: extrusion as u32, matrix });
+        self.placed.push(SceneInstance { first: self.facets, tube: extrusion as u32, matrix });
         self.facets = self.facets.saturating_add(facets);
     }
 
@@ -302,11 +302,11 @@ impl Sweeps {
         let bytes = self.outlines.capacity() * size_of::<[f64; 2]>()
             + self.caps.capacity() * size_of::<[u32; 3]>()
             + self.sections.capacity() * size_of::<Section>()
-            + self.rings.capacity() * size_of::<Ring>()
+            + self.rings.capacity() * size_of::<SpineFrame>()
             + self.tubes.capacity() * size_of::<Tube>()
             + self.tubes.iter().filter_map(|tube| tube.def.as_ref()).map(|def| def.len()).sum::<usize>()
             + self.matrices.capacity() * size_of::<DAffine3>()
-            + self.placed.capacity() * size_of::<Placed>();
+            + self.placed.capacity() * size_of::<SceneInstance>();
         bytes as u64
     }
 
@@ -326,7 +326,7 @@ impl Sweeps {
     }
 
     /// Triangles of one sweep in its place, numbered within it.
-    fn append_placed(&self, placed: &Placed, range: Range<u64>, out: &mut Vec<[[f64; 3]; 3]>) {
+    fn append_placed(&self, placed: &SceneInstance, range: Range<u64>, out: &mut Vec<[[f64; 3]; 3]>) {
         let matrix = self.matrices[placed.matrix as usize];
         self.append_tube(&self.tubes[placed.tube as usize], matrix, range, out);
     }
@@ -337,7 +337,7 @@ impl Sweeps {
         let rings = &self.rings[tube.rings.clone()];
         let outline = &self.outlines[section.points.clone()];
         let moves = matrix != DAffine3::IDENTITY;
-        let corner = |ring: &Ring, point: [f64; 2]| -> [f64; 3] {
+        let corner = |ring: &SpineFrame, point: [f64; 2]| -> [f64; 3] {
             let local = ring.at(point);
             if moves { matrix.transform_point3(local).into() } else { local.into() }
         };

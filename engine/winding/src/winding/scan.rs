@@ -180,7 +180,7 @@ impl ScanFacet {
         let (first, last) = self.lines(A);
         let end = (last + 1).clamp(0, block.last);
         let lowers = LowerRange::new((first - 1).clamp(0, end) as usize..end as usize);
-        self.scan_chosen::<S, A>(simd, block, [block.last; 2], &Near { edges, lowers }, hit);
+        self.scan_chosen::<S, A>(simd, block, [block.last; 2], &EdgeSubset { edges, lowers }, hit);
     }
 
     #[inline(always)]
@@ -280,12 +280,12 @@ fn any_bit<S: Simd>(simd: S, bits: u64x4<S>) -> bool {
 }
 
 /// Those of a set that begin at some samples of their lines.
-struct Near<'a> {
+struct EdgeSubset<'a> {
     edges: &'a EdgeMasks,
     lowers: LowerRange,
 }
 
-impl EdgeSelection for Near<'_> {
+impl EdgeSelection for EdgeSubset<'_> {
     #[inline(always)]
     fn lines<S: Simd>(&self, simd: S, swap: bool, row: usize) -> u64x4<S> {
         self.edges.lines(simd, swap, row, self.lowers)

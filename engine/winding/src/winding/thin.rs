@@ -13,14 +13,14 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, CubeTest, NodeKey, bounds}
 const WORDS: usize = POINTS.div_ceil(64);
 
 /// Edges along one axis that facets cross in both directions.
-struct Crossed {
+struct DoubleCrossings {
     rising: [u64; WORDS],
     falling: [u64; WORDS],
 }
 
-impl Crossed {
-    fn by(hits: &[Hit]) -> Crossed {
-        let mut crossed = Crossed { rising: [0; WORDS], falling: [0; WORDS] };
+impl DoubleCrossings {
+    fn by(hits: &[Hit]) -> DoubleCrossings {
+        let mut crossed = DoubleCrossings { rising: [0; WORDS], falling: [0; WORDS] };
         for hit in hits {
             let set = if hit.jump > 0 { &mut crossed.rising } else { &mut crossed.falling };
             set[usize::from(hit.lower) / 64] |= 1 << (hit.lower % 64);
@@ -90,7 +90,7 @@ impl Evaluator {
     ) {
         let mut hits = Vec::new();
         self.add_hits(axis, key, lines, may_face, &mut hits);
-        let crossed = Crossed::by(&hits);
+        let crossed = DoubleCrossings::by(&hits);
         if !crossed.is_any() {
             return;
         }

@@ -138,7 +138,7 @@ impl<'a> Level<'a> {
             let key = self.places[step].key;
             tree.node(key).filter(|node| node.uniform().is_none()).map(|_| key)
         });
-        let work = |maker: &mut Maker, number: usize| {
+        let work = |maker: &mut StreamMaker, number: usize| {
             progress.check()?;
             walk.at(part(number).start);
             part(number).map(|n| Ok((n, self.block(maker, self.places[n])?))).collect::<Result<Vec<_>>>()
@@ -157,12 +157,12 @@ impl<'a> Level<'a> {
             }
             Ok(())
         };
-        run_ordered(parts, 4 * rayon::current_num_threads(), Maker::new, work, take)?;
+        run_ordered(parts, 4 * rayon::current_num_threads(), StreamMaker::new, work, take)?;
         self.group(&chunks, file)
     }
 
     /// The streams of points and cells of a block.
-    fn block(&self, maker: &mut Maker, place: Place) -> Result<Streams> {
+    fn block(&self, maker: &mut StreamMaker, place: Place) -> Result<Streams> {
         let node = self.volume.tree.node(place.key);
         let kind = self.point_kind();
         match node.and_then(|node| node.uniform()) {
@@ -207,7 +207,7 @@ impl<'a> Level<'a> {
 }
 
 /// Makes the streams of blocks.
-struct Maker {
+struct StreamMaker {
     zlib: Zlib,
     points: Vec<f32>,
     bytes: Vec<u8>,
@@ -215,9 +215,9 @@ struct Maker {
     last: Option<(i16, [Vec<u8>; 2])>,
 }
 
-impl Maker {
-    fn new() -> Maker {
-        Maker { zlib: Zlib::new(), points: Vec::new(), bytes: Vec::new(), last: None }
+impl StreamMaker {
+    fn new() -> StreamMaker {
+        StreamMaker { zlib: Zlib::new(), points: Vec::new(), bytes: Vec::new(), last: None }
     }
 
     fn uniform(&mut self, value: i16, kind: Datatype) -> [Vec<u8>; 2] {

@@ -33,7 +33,7 @@ pub(super) struct Archive<'a> {
 }
 
 /// Takes an event of a model, the end of it included.
-type Take<'a> = dyn FnMut(&str, &Event<'_>) -> std::result::Result<(), String> + 'a;
+type EventSink<'a> = dyn FnMut(&str, &Event<'_>) -> std::result::Result<(), String> + 'a;
 
 impl<'a> Archive<'a> {
     /// Of the bytes of a file.
@@ -68,14 +68,15 @@ impl<'a> Archive<'a> {
     /// # Errors
     /// If a model is no well-formed XML, or unpacks to far more than any model does; what `take` says is wrong with it; if the
     /// user interrupts.
-    pub(super) fn walk(&mut self, progress: &dyn Progress, take: &mut Take<'_>) -> Result<()> {
+    pub(super) fn walk(&mut self, progress: &dyn Progress, take: &mut EventSink<'_>) -> Result<()> {
         for name in &self.models {
             progress.check()?;
             let wrong = |what: String| damaged(self.path, name, &what);
             let entry = self.zip.by_name(name).map_err(|error| wrong(error.to_string()))?;
             let left = MODEL_BYTES.max(entry.compressed_size().saturating_mul(RATIO_MAX));
             let since = Cell::new(0);
-            let mut xml = Reader::from_reader(Limited { inner: BufReader::new(entry), since: &since, left });
+            let mut xml =
+                Reader::from_reader(LimitedReader { inner: BufReader::new(entry), since: &since, left });
             let (mut buffer, mut read) = (Vec::new(), 0);
             loop {
                 buffer.clear();
@@ -120,14 +121,14 @@ pub(super) fn one_line(text: &str) -> String {
 }
 
 /// A model that is unpacked, with an end to what it and each of its elements may become.
-struct Limited<'a, R> {
+struct LimitedReader<'a, R> {
     inner: BufReader<R>,
     /// Bytes since the last element.
     since: &'a Cell<usize>,
     left: u64,
 }
 
-impl<R: Read> Read for Limited<'_, R> {
+impl<R: Read> Read for LimitedReader<'_, R> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let available = self.fill_buf()?;
         let count = available.len().min(out.len());
@@ -137,7 +138,7 @@ impl<R: Read> Read for Limited<'_, R> {
     }
 }
 
-impl<R: Read> BufRead for Limited<'_, R> {
+impl<R: Read> BufRead for LimitedReader<'_, R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         if self.since.get() > ELEMENT_BYTES_MAX {
             return Err(io::Error::other("an element is larger than any of a model"));

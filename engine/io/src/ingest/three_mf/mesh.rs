@@ -133,8 +133,14 @@ impl Scene {
     fn build(&self, parts: &NonSolidParts) -> std::result::Result<Polygons, String> {
         let held = self.objects.values().map(|object| object.vertices.len() + object.triangles.len()).sum();
         let polygons = Polygons::default();
-        let mut built =
-            Built { scene: self, parts, polygons, room: SceneLimit::of(held), placed: 0, left_out: [0; 4] };
+        let mut built = MeshInProgress {
+            scene: self,
+            parts,
+            polygons,
+            room: SceneLimit::of(held),
+            placed: 0,
+            left_out: [0; 4],
+        };
         let scale = |key: &Key| Placement::scale([self.scale.get(&key.0).copied().unwrap_or(1.0); 3]);
         for (key, place) in &self.items {
             // A placement is in the unit of the model that names it.
@@ -157,7 +163,7 @@ impl Scene {
 }
 
 /// What is built so far.
-struct Built<'a> {
+struct MeshInProgress<'a> {
     scene: &'a Scene,
     parts: &'a NonSolidParts,
     polygons: Polygons,
@@ -168,7 +174,7 @@ struct Built<'a> {
     left_out: [usize; 4],
 }
 
-impl Built<'_> {
+impl MeshInProgress<'_> {
     /// Adds an object that stands in `parent`.
     fn add(
         &mut self,

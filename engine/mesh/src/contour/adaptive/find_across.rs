@@ -33,7 +33,7 @@ pub(in super::super) fn find_across(
 ) -> Result<CrossLeafMerges> {
     progress.phase("flat parts", Some(field.leaves.len() as u64), "bricks");
     let found = CrossLeafMerges { normals: normals.then(Vec::new), ..CrossLeafMerges::default() };
-    let mut finder = Finder { field, tolerance, found, group: LoopGroup::default(), open: Vec::new() };
+    let mut finder = PartJoiner { field, tolerance, found, group: LoopGroup::default(), open: Vec::new() };
     let make = |leaf| {
         let ContourLeaf { key, changes, .. } = *field.leaves.get(leaf);
         if !changes {
@@ -86,7 +86,7 @@ fn give_up_folds(across: &mut CrossLeafMerges, field: &LevelSet, progress: &dyn 
 }
 
 /// Joins the parts of nodes as their leaves come.
-struct Finder<'a> {
+struct PartJoiner<'a> {
     field: &'a LevelSet<'a>,
     tolerance: f64,
     found: CrossLeafMerges,
@@ -95,7 +95,7 @@ struct Finder<'a> {
     open: Vec<(NodeKey, Vec<SurfaceDisk>)>,
 }
 
-impl Finder<'_> {
+impl PartJoiner<'_> {
     /// Adds a leaf, which comes after all before it in Morton order.
     fn add(&mut self, leaf: u32, mut parts: Vec<SurfaceDisk>) {
         for (n, part) in parts.iter_mut().enumerate() {

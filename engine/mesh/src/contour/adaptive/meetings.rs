@@ -74,7 +74,7 @@ pub(in super::super) struct MeetingSearch {
 }
 
 /// What was seen in a leaf.
-struct Seen {
+struct LeafIntersections {
     leaf: u32,
     /// What is to be given up.
     taken: Vec<MergeTarget>,
@@ -120,7 +120,7 @@ impl MeetingSearch {
         let this = &*self;
         let make = |n: u32| this.of_leaf(field, across, this.asked[n as usize]);
         let (mut moved, mut largest) = (Vec::new(), Vec::new());
-        in_order(self.asked.len(), progress, make, |seen: Seen| {
+        in_order(self.asked.len(), progress, make, |seen: LeafIntersections| {
             found.extend(seen.taken);
             moved.extend(seen.has_moved.then_some(seen.leaf));
             largest.push((seen.leaf, seen.largest));
@@ -250,8 +250,8 @@ impl MeetingSearch {
 
     /// What is to be given up for triangles that meet in the cube of a leaf, or for being where a vertex of the leaf is that
     /// stays as it was.
-    fn of_leaf(&self, field: &LevelSet, across: &CrossLeafMerges, leaf: u32) -> Result<Seen> {
-        let mut seen = Seen { leaf, taken: Vec::new(), has_moved: false, largest: 0 };
+    fn of_leaf(&self, field: &LevelSet, across: &CrossLeafMerges, leaf: u32) -> Result<LeafIntersections> {
+        let mut seen = LeafIntersections { leaf, taken: Vec::new(), has_moved: false, largest: 0 };
         if let Some(merged) = field.vertices(leaf)?.what_is_merged() {
             seen.has_moved = merged.has_moved;
             seen.taken.extend(merged.crowding.iter().map(|wide| MergeTarget::Wide(*wide)));

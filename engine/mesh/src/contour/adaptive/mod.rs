@@ -107,7 +107,7 @@ pub(super) fn merged(field: &LevelSet, leaf: u32, across: &CrossLeafMerges) -> R
     let dropped = extras_within(&draft.edges, &names, key, &cells.extras);
     let frame = field.frame(key);
     let owned = across.owned(leaf);
-    let renaming = Renaming { leaf, cells: &cells, frame, draft: &draft, across, owned, hosted };
+    let renaming = VertexRenumbering { leaf, cells: &cells, frame, draft: &draft, across, owned, hosted };
     Ok(renaming.merged(&names, &dropped, (&faces, &lost_faces)))
 }
 
@@ -180,7 +180,7 @@ fn extras_within(edges: &[Edge], names: &[VertexMerge], key: NodeKey, extras: &[
 }
 
 /// Numbers the vertices of a leaf anew.
-struct Renaming<'a> {
+struct VertexRenumbering<'a> {
     leaf: u32,
     cells: &'a BrickCells,
     frame: CellFrame,
@@ -190,7 +190,7 @@ struct Renaming<'a> {
     hosted: &'a [([f32; 3], u32)],
 }
 
-impl Renaming<'_> {
+impl VertexRenumbering<'_> {
     /// Vertices of several leaves come first, as far as the leaf has them, then the other merged ones in the order of the
     /// first that each stands for, then those that stay, and at last those on faces.
     fn merged(
@@ -210,7 +210,7 @@ impl Renaming<'_> {
         joined_faces.dedup();
         let kept = |vertex: &usize| names[*vertex] == VertexMerge::Own && numbers[*vertex] != NONE;
         let kept: Vec<usize> = (0..cells.len()).filter(kept).collect();
-        let mut taken = Places::default();
+        let mut taken = WorldPositions::default();
         taken.0.reserve(cells.len(), hash);
         for vertex in &kept {
             taken.insert(bits(&cells.positions[*vertex]));
@@ -284,9 +284,9 @@ impl Renaming<'_> {
 
 /// Places of the world.
 #[derive(Default)]
-struct Places(HashTable<[u32; 3]>);
+struct WorldPositions(HashTable<[u32; 3]>);
 
-impl Places {
+impl WorldPositions {
     /// Adds one, by its [`bits`]. False if it has been there.
     fn insert(&mut self, place: [u32; 3]) -> bool {
         match self.0.entry(hash(&place), |other| *other == place, hash) {

@@ -16,7 +16,7 @@ const BLOCKS: usize = 8;
 type Block = [u8; 3];
 
 /// A triangle in a room.
-struct Placed {
+struct GridTriangle {
     corners: [u32; 3],
     bounds: Bounds,
     /// The blocks that the least and the greatest coordinates are in or next to.
@@ -39,11 +39,11 @@ pub(super) struct TriangleGrid {
     merges: Vec<Option<Merge>>,
     numbers: HashTable<u32>,
     /// Those of polygons with a merged corner.
-    merged: Vec<Placed>,
+    merged: Vec<GridTriangle>,
     /// As [`super::made::Made::lone`].
     lone: Vec<(u32, Merge)>,
     /// The others.
-    plain: Vec<Placed>,
+    plain: Vec<GridTriangle>,
 }
 
 impl TriangleGrid {
@@ -98,7 +98,7 @@ impl TriangleGrid {
         let merges = corners.map(|corner| self.merges[corner as usize]);
         let is_wide = merges.into_iter().any(is_wide);
         let blocks = bounds.map(|end| self.block(end));
-        let placed = Placed { corners, bounds: *bounds, blocks, is_fresh, is_wide };
+        let placed = GridTriangle { corners, bounds: *bounds, blocks, is_fresh, is_wide };
         self.lone.extend(lone.map(|merge| (self.merged.len() as u32, merge)));
         match lone.is_some() || merges.iter().any(Option::is_some) {
             true => self.merged.push(placed),
@@ -146,7 +146,7 @@ impl TriangleGrid {
         found
     }
 
-    fn corners(&self, placed: &Placed) -> TriangleCorners {
+    fn corners(&self, placed: &GridTriangle) -> TriangleCorners {
         at(&self.places, &placed.corners)
     }
 
@@ -192,7 +192,7 @@ fn hash(place: &[f32; 3]) -> u64 {
 struct Search<'a> {
     room: &'a TriangleGrid,
     /// All triangles, the first `merged` of which are of polygons with a merged corner.
-    all: &'a [Placed],
+    all: &'a [GridTriangle],
     merged: usize,
     /// By block, whether there is one of those.
     is_near: &'a [bool],
@@ -274,7 +274,7 @@ impl Search<'_> {
     /// Whether two triangles whose boxes meet have no common vertex and are to be compared here, and not in a block or a cube
     /// before.
     #[inline]
-    fn is_asked(&self, block: usize, a: &Placed, b: &Placed) -> bool {
+    fn is_asked(&self, block: usize, a: &GridTriangle, b: &GridTriangle) -> bool {
         // Of the least coordinates that they have in common, because these blocks are in order.
         let first = [0, 1, 2].map(|n| a.blocks[0][n].max(b.blocks[0][n]));
         if block_number(first) != block
@@ -321,7 +321,11 @@ impl Search<'_> {
 
 /// For each of `count` places where in the second list the numbers of the triangles at it begin, ascending; `at` calls what
 /// it is given with the places that one is at.
-fn listed(count: usize, all: &[Placed], at: impl Fn(&Placed, &mut dyn FnMut(usize))) -> (Vec<u32>, Vec<u32>) {
+fn listed(
+    count: usize,
+    all: &[GridTriangle],
+    at: impl Fn(&GridTriangle, &mut dyn FnMut(usize)),
+) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; count + 2];
     for one in all {
         at(one, &mut |place| starts[place + 2] += 1);

@@ -55,7 +55,7 @@ pub(in crate::contour) fn find(field: &LevelSet, leaf: u32, cells: &Arc<BrickCel
             }
         }
     }
-    let mut found = Finder { field, leaf, own: &own, surface: None, found: FaceVertices::default() };
+    let mut found = FaceSearch { field, leaf, own: &own, surface: None, found: FaceVertices::default() };
     for (axis, above) in faces.iter() {
         let mut below = above;
         let block = if above[axis] > 0 { Some(&own) } else { lower[axis].as_ref() };
@@ -86,7 +86,7 @@ struct Block {
 }
 
 /// A cell without finer leaves around it, its loops and where their vertices lie, 0..1 along each axis of the cell.
-struct Sight {
+struct CellView {
     kind: CellCase,
     /// Number of the first one.
     first: usize,
@@ -95,7 +95,7 @@ struct Sight {
     count: usize,
 }
 
-impl Sight {
+impl CellView {
     /// The vertex of the loop through an edge.
     fn vertex(&self, edge: usize) -> u32 {
         self.first as u32 + u32::from(self.kind.loops().of_edge[edge])
@@ -108,7 +108,7 @@ impl Block {
         Block { leaf, key, cells, lattice: field.frame(key).lattice() }
     }
 
-    fn sight(&self, cell: [usize; 3]) -> Option<Sight> {
+    fn sight(&self, cell: [usize; 3]) -> Option<CellView> {
         let (kind, first) = self.cells.plain(cell)?;
         let count = usize::from(kind.loops().count).min(LOOPS);
         let (mut positions, mut vertices) = ([[0.0; 3]; LOOPS], [[0.0; 3]; LOOPS]);
@@ -116,11 +116,11 @@ impl Block {
         for (vertex, position) in vertices.iter_mut().zip(&positions[..count]) {
             *vertex = within(&self.lattice, cell, *position);
         }
-        Some(Sight { kind, first, positions, vertices, count })
+        Some(CellView { kind, first, positions, vertices, count })
     }
 }
 
-struct Finder<'a> {
+struct FaceSearch<'a> {
     field: &'a LevelSet<'a>,
     leaf: u32,
     own: &'a Block,
@@ -129,7 +129,7 @@ struct Finder<'a> {
     found: FaceVertices,
 }
 
-impl Finder<'_> {
+impl FaceSearch<'_> {
     /// Gives each cut of the lower face of the cell `above` a vertex if it needs one.
     fn face(&mut self, axis: Axis, above: [usize; 3], (block, below): (&Block, [usize; 3])) -> Result<()> {
         let is_crossed = |(kind, _): &(CellCase, usize)| kind.loops().face_cuts(axis, 0).next().is_some();
@@ -160,7 +160,7 @@ impl Finder<'_> {
         &mut self,
         axis: Axis,
         above: [usize; 3],
-        ([upper, lower], annexed): ([&Sight; 2], impl Fn() -> [Option<Direction>; 2]),
+        ([upper, lower], annexed): ([&CellView; 2], impl Fn() -> [Option<Direction>; 2]),
         cut: [usize; 2],
     ) -> Result<Option<[f32; 3]>> {
         let a = axis.index();

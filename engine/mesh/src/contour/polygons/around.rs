@@ -1,6 +1,6 @@
 //! The polygon of any edge: cells of several levels around it, some with extra vertices between them, or merged.
 
-use super::{Corner, Maker, Polygon, direction};
+use super::{Corner, FacetMaker, Polygon, direction};
 use crate::contour::adaptive::SharedVertex;
 use crate::contour::extras::{edge_key, face_key};
 use crate::contour::leaves::{LeafNeighbour, broken, cell_in, direction_index};
@@ -16,7 +16,7 @@ struct Quadrant<'a> {
     vertices: &'a LeafVertices,
 }
 
-impl<'a> Maker<'a> {
+impl<'a> FacetMaker<'a> {
     /// The leaf in whose cells `cell` lies and its place among the directions.
     fn neighbour(&self, cell: [i32; 3]) -> Result<(u32, usize)> {
         let n = direction_index(direction(cell));

@@ -1,7 +1,7 @@
 //! The polygons of a leaf some of whose vertices stand for others ([`super::super::adaptive`]): corners that fall
 //! together count once, and what has less than three vanishes.
 
-use super::{Border, Corner, Edge, Maker, Quarter, name};
+use super::{Border, Corner, Edge, FacetMaker, Quarter, name};
 use crate::brick::SignChanges;
 use crate::contour::adaptive::{NumberedEdge, OWN, SharedVertex, turns};
 use crate::contour::cut::{BOTH, QuadSplit, Vertex};
@@ -9,7 +9,7 @@ use crate::contour::edges::{NO_VERTEX, Quad};
 use crate::error::Result;
 use crate::lattice::Axis;
 
-impl Maker<'_> {
+impl FacetMaker<'_> {
     /// Some edges of the leaf; `quads` as in [`crate::contour::cells::BrickCells::take_quads`].
     pub(super) fn merged_edges(
         &mut self,
@@ -31,7 +31,7 @@ impl Maker<'_> {
         Ok(())
     }
 
-    /// As [`Maker::border`].
+    /// As [`FacetMaker::border`].
     fn merged_border(&mut self, edge: Edge, quad: &[u16; 4], inside: bool) -> Result<()> {
         let (axis, low, _) = edge;
         let place = self.border_place(axis, low)?;
@@ -48,7 +48,7 @@ impl Maker<'_> {
         self.general(edge, inside)
     }
 
-    /// As [`Maker::equal`].
+    /// As [`FacetMaker::equal`].
     fn merged_equal(
         &self,
         axis: Axis,

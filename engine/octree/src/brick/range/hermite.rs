@@ -96,7 +96,7 @@ impl Layers {
 
 /// A neighbour as an edge sees it.
 #[derive(Clone, Copy, Default)]
-struct Neighbour {
+struct NeighbourEdge {
     normal: u32,
     vector: [i64; 3],
     /// Its crossing from the edge's lower sample, in [`UNITS`].
@@ -106,8 +106,8 @@ struct Neighbour {
 }
 
 /// The neighbours of an edge, those whose planes cross it first.
-struct Near {
-    all: [Neighbour; NEAR_MAX],
+struct NeighbourEdges {
+    all: [NeighbourEdge; NEAR_MAX],
     count: usize,
 }
 
@@ -139,7 +139,7 @@ struct Model {
 /// How an edge came to its normal.
 enum Normal {
     /// It is that of this neighbour.
-    Same(Neighbour),
+    Same(NeighbourEdge),
     Known,
     New,
 }
@@ -157,7 +157,7 @@ pub fn edges<C: Coder>(coder: &mut C, signs: &SignChanges, layers: &mut Layers, 
             any &= any - 1;
             for axis in (0..3).filter(|&axis| masks[axis] >> i & 1 != 0) {
                 let edge = rest[axis].next().expect("an edge for each sign change");
-                let near = Near::of(layers, signs, axis, [i, j, k]);
+                let near = NeighbourEdges::of(layers, signs, axis, [i, j, k]);
                 let coded = model.edge(coder, axis, &near, *edge);
                 *edge = HermiteEdge { offset: coded.offset, normal: OctNormal(coded.normal) };
                 layers.0[Layers::position(axis, [i, j, k])] = coded;
@@ -166,12 +166,12 @@ pub fn edges<C: Coder>(coder: &mut C, signs: &SignChanges, layers: &mut Layers, 
     }
 }
 
-impl Near {
+impl NeighbourEdges {
     /// The first neighbours of the edge along `axis` from a sample that have been coded.
     #[inline]
-    fn of(layers: &Layers, signs: &SignChanges, axis: usize, from: [usize; 3]) -> Near {
-        let mut near = Near { all: [Neighbour::default(); NEAR_MAX], count: 0 };
-        let mut beside = [Neighbour::default(); NEAR_MAX];
+    fn of(layers: &Layers, signs: &SignChanges, axis: usize, from: [usize; 3]) -> NeighbourEdges {
+        let mut near = NeighbourEdges { all: [NeighbourEdge::default(); NEAR_MAX], count: 0 };
+        let mut beside = [NeighbourEdge::default(); NEAR_MAX];
         let mut beside_count = 0;
         for &(along, step) in PLACES[axis] {
             let [i, j, k] = [0, 1, 2].map(|a| from[a].wrapping_add_signed(isize::from(step[a])));
@@ -182,7 +182,7 @@ impl Near {
             let mut at = step.map(|v| i64::from(v) * UNITS);
             at[along] += i64::from(coded.offset);
             let mut neighbour =
-                Neighbour { normal: coded.normal, vector: coded.vector.map(i64::from), at, meets: false };
+                NeighbourEdge { normal: coded.normal, vector: coded.vector.map(i64::from), at, meets: false };
             let (height, slope) = plane(neighbour.vector, at, axis);
             neighbour.meets = height >= 0 && height < slope * UNITS;
             let (list, count) = match neighbour.meets {
@@ -200,7 +200,7 @@ impl Near {
         near
     }
 
-    fn all(&self) -> &[Neighbour] {
+    fn all(&self) -> &[NeighbourEdge] {
         &self.all[..self.count]
     }
 }
@@ -241,7 +241,13 @@ impl Model {
     }
 
     #[inline]
-    fn edge<C: Coder>(&mut self, coder: &mut C, axis: usize, near: &Near, edge: HermiteEdge) -> Coded {
+    fn edge<C: Coder>(
+        &mut self,
+        coder: &mut C,
+        axis: usize,
+        near: &NeighbourEdges,
+        edge: HermiteEdge,
+    ) -> Coded {
         let (how, normal) = self.normal(coder, near.all(), edge.normal.0);
         let vector = match how {
             Normal::Same(neighbour) => neighbour.vector,
@@ -270,7 +276,7 @@ impl Model {
 
     /// Codes how an edge comes to its normal, and which that is.
     #[inline]
-    fn normal<C: Coder>(&mut self, coder: &mut C, near: &[Neighbour], normal: u32) -> (Normal, u32) {
+    fn normal<C: Coder>(&mut self, coder: &mut C, near: &[NeighbourEdge], normal: u32) -> (Normal, u32) {
         let mut tried = [0; TRIES_MAX];
         let mut tries = 0;
         for neighbour in near {
@@ -321,7 +327,7 @@ impl Model {
     }
 
     /// Codes a normal by how far its coordinates are from those between the nearest.
-    fn new_normal<C: Coder>(&mut self, coder: &mut C, near: &[Neighbour], normal: u32) -> u32 {
+    fn new_normal<C: Coder>(&mut self, coder: &mut C, near: &[NeighbourEdge], normal: u32) -> u32 {
         let mut sum = [0; 3];
         for neighbour in near.iter().take(MEAN_MAX) {
             sum = [0, 1, 2].map(|a| sum[a] + neighbour.vector[a]);
@@ -338,7 +344,7 @@ impl Model {
 
 /// Where the planes of the first neighbours with a neighbour's normal cross the edge, on the mean of those that do.
 #[inline]
-fn on_plane(neighbour: &Neighbour, near: &[Neighbour], axis: usize) -> i64 {
+fn on_plane(neighbour: &NeighbourEdge, near: &[NeighbourEdge], axis: usize) -> i64 {
     let (mut sum, mut count) = (0, 0);
     let alike = near.iter().filter(|other| other.meets && other.normal == neighbour.normal);
     for other in alike.take(MEAN_MAX) {

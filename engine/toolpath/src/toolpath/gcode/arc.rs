@@ -33,9 +33,9 @@ pub(crate) struct Chords {
     centre: [f64; 2],
     /// From the centre to the start.
     first: [f64; 2],
-    circle: Leg,
+    circle: ArcChords,
     turns: u32,
-    arc: Leg,
+    arc: ArcChords,
     /// Part of the whole angle that lies within the arc proper.
     arc_part: f64,
     /// Length of the end's radius, as a part of the start's.
@@ -48,7 +48,7 @@ pub(crate) struct Chords {
 
 /// Chords of equal angle.
 #[derive(Clone, Copy, Debug)]
-struct Leg {
+struct ArcChords {
     /// Cosine and sine of the angle of a chord, counterclockwise.
     turn: [f64; 2],
     count: u32,
@@ -79,7 +79,7 @@ impl Arc {
         let leg = |(turn, halvings): ([f64; 2], u32)| {
             (
                 angle_of(turn) * f64::from(1u32 << halvings),
-                Leg {
+                ArcChords {
                     turn: [turn[0], if self.clockwise { -turn[1] } else { turn[1] }],
                     count: 1 << halvings,
                 },

@@ -95,13 +95,13 @@ pub(super) struct ReadPlan {
     bed: f64,
     usual_height: Option<f64>,
     /// What must be tried before: whether the axis moves with the layers, and which way.
-    open: Open,
+    open: TrialGoal,
     is_trial: bool,
 }
 
 /// What a trial has to show.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Open {
+enum TrialGoal {
     Nothing,
     /// Whether and how the axis carries layers.
     Axis,
@@ -124,10 +124,10 @@ impl ReadPlan {
         let shown = signs.layer_axis().filter(|axis| axis.letter() != feeds);
         let layer_axis = options.layer_axis.or(shown).unwrap_or(LayerAxis::NONE);
         let open = match layer_axis.letter() {
-            None => Open::Nothing,
-            Some(b'Z') => Open::Bed,
-            Some(_) if options.layer_axis.is_some() => Open::Bed,
-            Some(_) => Open::Axis,
+            None => TrialGoal::Nothing,
+            Some(b'Z') => TrialGoal::Bed,
+            Some(_) if options.layer_axis.is_some() => TrialGoal::Bed,
+            Some(_) => TrialGoal::Axis,
         };
         let by_family = family.filter(|_| !by_extruder && !by_codes).and_then(MachineFamily::machine);
         ReadPlan {
@@ -150,7 +150,7 @@ impl ReadPlan {
 
     /// The plan of the next trial, if one is needed.
     pub(super) fn trial(&self) -> Option<ReadPlan> {
-        (self.open != Open::Nothing).then(|| ReadPlan { is_trial: true, ..self.clone() })
+        (self.open != TrialGoal::Nothing).then(|| ReadPlan { is_trial: true, ..self.clone() })
     }
 
     /// Takes in what a trial showed.
@@ -158,20 +158,20 @@ impl ReadPlan {
         let rise: &Rise = &beads.layering.rise;
         let moved = beads.tables.is_some_and(|(low, high)| high > low);
         match self.open {
-            Open::Axis if !moved => {
+            TrialGoal::Axis if !moved => {
                 // Where it stands still, Z alone tells heights, as they stand in the file.
                 self.layer_axis = LayerAxis::NONE;
-                self.open = Open::Nothing;
+                self.open = TrialGoal::Nothing;
             }
-            Open::Axis if rise.downs > rise.ups => {
+            TrialGoal::Axis if rise.downs > rise.ups => {
                 // The part would grow downwards: the axis lifts the tool.
                 let letter = self.layer_axis.letter().unwrap_or(b'W');
                 self.layer_axis = LayerAxis::new(letter, false);
-                self.open = Open::Bed;
+                self.open = TrialGoal::Bed;
             }
             _ => {
                 self.bed = rise.bed(self.usual_height).unwrap_or(self.bed);
-                self.open = Open::Nothing;
+                self.open = TrialGoal::Nothing;
             }
         }
     }

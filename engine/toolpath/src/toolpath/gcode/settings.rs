@@ -30,11 +30,11 @@ pub(super) struct SlicerSettings {
     pub(super) slicer: Option<String>,
     /// Diameters by tool that M200 tells.
     pub(super) told_by_m200: Vec<f64>,
-    flavor: Option<Named>,
+    flavor: Option<NamedFirmware>,
     /// What `M115` answered, or a comment that begins as its answer does.
-    answer: Option<Named>,
+    answer: Option<NamedFirmware>,
     /// The printer, where its maker's firmware is known.
-    printer: Option<Named>,
+    printer: Option<NamedFirmware>,
     /// Settings of Cura, without their prefix.
     cura: Vec<u8>,
     /// Extruder that KISSlicer's next settings concern, from 1.
@@ -43,7 +43,7 @@ pub(super) struct SlicerSettings {
 
 /// A firmware, and the words of the file that name it.
 #[derive(Clone, Debug, PartialEq)]
-struct Named {
+struct NamedFirmware {
     firmware: Firmware,
     by: String,
 }
@@ -224,7 +224,8 @@ impl SlicerSettings {
     /// The firmware that the file names, and the words that do.
     pub(super) fn firmware(&self) -> Option<(Firmware, &str)> {
         // A maker's own Marlin goes by the name of Marlin in the slicer's settings.
-        let is_marlin = |named: &Named| matches!(named.firmware, Firmware::Marlin | Firmware::Marlin2);
+        let is_marlin =
+            |named: &NamedFirmware| matches!(named.firmware, Firmware::Marlin | Firmware::Marlin2);
         let printer = self.printer.as_ref().filter(|_| self.flavor.as_ref().is_none_or(is_marlin));
         let named = self.answer.as_ref().or(printer).or(self.flavor.as_ref())?;
         Some((named.firmware, &named.by))
@@ -236,9 +237,9 @@ impl SlicerSettings {
     }
 }
 
-fn named(firmware: Option<Firmware>, text: &[u8]) -> Option<Named> {
+fn named(firmware: Option<Firmware>, text: &[u8]) -> Option<NamedFirmware> {
     let quoted = quote(text.trim_ascii_end());
-    firmware.map(|firmware| Named { firmware, by: quoted[1..quoted.len() - 1].to_owned() })
+    firmware.map(|firmware| NamedFirmware { firmware, by: quoted[1..quoted.len() - 1].to_owned() })
 }
 
 /// Slic3r and its descendants: "reprap" is the family of Marlin and Sprinter, not RepRapFirmware.

@@ -39,7 +39,7 @@ pub(super) struct NumberResolution {
 }
 
 /// What is wrong, and what to do.
-type Complaint = (String, &'static str);
+type SizeProblem = (String, &'static str);
 
 /// Finds sections, and layers where no comment tells them.
 pub(super) struct Layering {
@@ -116,7 +116,7 @@ impl Layering {
         resolution: NumberResolution,
         sections: &mut Vec<Section>,
         report: &mut GcodeReport,
-    ) -> Result<Option<u32>, Complaint> {
+    ) -> Result<Option<u32>, SizeProblem> {
         let z = points[0][2];
         let flat = !tilted && points.iter().all(|p| p[2] == z);
         let step = if flat { self.enter_plane(z) } else { None };
@@ -159,7 +159,7 @@ impl Layering {
         piece: &BeadMove,
         step: Option<f64>,
         heights: &mut SizeReport,
-    ) -> Result<f64, Complaint> {
+    ) -> Result<f64, SizeProblem> {
         let (height, source) = if let Some(height) = self.height {
             (height, &mut heights.option)
         } else if let Some(height) = piece.height {
@@ -183,7 +183,7 @@ impl Layering {
         resolution: NumberResolution,
         sections: &mut [Section],
         report: &mut GcodeReport,
-    ) -> Result<(), Complaint> {
+    ) -> Result<(), SizeProblem> {
         let mut from = 0;
         while from < pieces.len() {
             let to = if let Some(width) = self.width {

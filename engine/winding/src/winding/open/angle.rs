@@ -170,46 +170,46 @@ impl Cap {
 /// holds.
 fn den_precisely(v: [[f64; 3]; 3]) -> f64 {
     let [a, b, c] = v;
-    let [la, lb, lc] = v.map(|v| Twofold::sqrt(dot(v, v)));
-    let mut sum = la.times(lb).plus(Twofold(dot(a, b), 0.0)).times(lc);
-    sum = sum.plus(la.times(Twofold(dot(b, c), 0.0)));
-    sum = sum.plus(lb.times(Twofold(dot(c, a), 0.0)));
+    let [la, lb, lc] = v.map(|v| DoubleDouble::sqrt(dot(v, v)));
+    let mut sum = la.times(lb).plus(DoubleDouble(dot(a, b), 0.0)).times(lc);
+    sum = sum.plus(la.times(DoubleDouble(dot(b, c), 0.0)));
+    sum = sum.plus(lb.times(DoubleDouble(dot(c, a), 0.0)));
     sum.0
 }
 
 /// A number as the sum of two, the second below half an ulp of the first (Dekker 1971).
 #[derive(Clone, Copy)]
-struct Twofold(f64, f64);
+struct DoubleDouble(f64, f64);
 
-impl Twofold {
-    fn sum(a: f64, b: f64) -> Twofold {
+impl DoubleDouble {
+    fn sum(a: f64, b: f64) -> DoubleDouble {
         let s = a + b;
         let from_b = s - a;
-        Twofold(s, (a - (s - from_b)) + (b - from_b))
+        DoubleDouble(s, (a - (s - from_b)) + (b - from_b))
     }
 
-    fn product(a: f64, b: f64) -> Twofold {
+    fn product(a: f64, b: f64) -> DoubleDouble {
         let p = a * b;
-        Twofold(p, a.mul_add(b, -p))
+        DoubleDouble(p, a.mul_add(b, -p))
     }
 
     /// The root of an exact number.
-    fn sqrt(x: f64) -> Twofold {
+    fn sqrt(x: f64) -> DoubleDouble {
         let root = x.sqrt();
         let rest = (-root).mul_add(root, x);
-        Twofold::sum(root, rest / (2.0 * root))
+        DoubleDouble::sum(root, rest / (2.0 * root))
     }
 
-    fn plus(self, other: Twofold) -> Twofold {
-        let high = Twofold::sum(self.0, other.0);
-        let low = Twofold::sum(self.1, other.1);
-        let first = Twofold::sum(high.0, high.1 + low.0);
-        Twofold::sum(first.0, first.1 + low.1)
+    fn plus(self, other: DoubleDouble) -> DoubleDouble {
+        let high = DoubleDouble::sum(self.0, other.0);
+        let low = DoubleDouble::sum(self.1, other.1);
+        let first = DoubleDouble::sum(high.0, high.1 + low.0);
+        DoubleDouble::sum(first.0, first.1 + low.1)
     }
 
-    fn times(self, other: Twofold) -> Twofold {
-        let product = Twofold::product(self.0, other.0);
-        Twofold::sum(product.0, product.1 + (self.0 * other.1 + self.1 * other.0))
+    fn times(self, other: DoubleDouble) -> DoubleDouble {
+        let product = DoubleDouble::product(self.0, other.0);
+        DoubleDouble::sum(product.0, product.1 + (self.0 * other.1 + self.1 * other.0))
     }
 }
 

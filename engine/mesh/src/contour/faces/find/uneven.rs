@@ -33,7 +33,7 @@ struct FaceCut {
 /// The leaves beyond the faces of a leaf, 2·axis + side, where it owns faces there.
 type Others = [Option<Block>; 6];
 
-impl Finder<'_> {
+impl FaceSearch<'_> {
     /// Gives each cut of a face a vertex that needs one, where the leaf owns the face and one of the cells at it is next to a
     /// leaf of another level.
     pub(super) fn uneven(&mut self, around: &LeafNeighbours) -> Result<()> {
