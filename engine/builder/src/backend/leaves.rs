@@ -6,8 +6,8 @@
 
 use super::batch::{BatchLeaf, unpack};
 use super::check::{KernelSet, check};
+use super::device_queue::{DeviceQueue, Submission};
 use super::nodes::NodeBrick;
-use super::outlet::{DeviceQueue, Submission};
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, ThinFeatures, ThinLines};
 use crate::error::Result;

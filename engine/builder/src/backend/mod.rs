@@ -3,9 +3,9 @@
 mod batch;
 mod brute;
 mod check;
+mod device_queue;
 mod leaves;
 mod nodes;
-mod outlet;
 mod report;
 mod shares;
 mod vulkan;

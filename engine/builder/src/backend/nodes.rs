@@ -2,7 +2,7 @@
 
 use super::batch::{BatchLeaf, unpack};
 use super::check::{KernelSet, check};
-use super::outlet::{DeviceQueue, Submission};
+use super::device_queue::{DeviceQueue, Submission};
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, Hermite, Samples};
 use crate::error::Result;

@@ -2,12 +2,12 @@
 
 use super::bins::Binner;
 use super::clock::Clock;
+use super::cost::weigh_pieces;
 use super::field::{BrickEvaluation, Fractions, PieceField, PieceList};
 use super::pipeline::{BuildOptions, Resolution, Task, place};
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
 use super::summary::BuildSummary;
-use super::weigh::weigh_pieces;
 use crate::brick::{Brick, Samples};
 use crate::error::{Error, Result};
 use crate::ingest::CloudInput;

@@ -1,7 +1,6 @@
 //! From triangles to the octree: snap, check that the soup is closed, sort by subtree, build the subtrees on
 //! all threads, record them in order.
 
-mod again;
 mod assemble;
 mod bins;
 mod branches;
@@ -9,14 +8,14 @@ mod choose;
 mod clock;
 mod closed;
 mod cloud;
-mod collect;
-mod cut;
+mod cost;
 mod decide;
+mod facet_filter;
 #[cfg(test)]
 mod faults;
 mod field;
 mod fit;
-mod foresee;
+mod forecast;
 mod identity;
 mod in_memory;
 mod jobs;
@@ -25,23 +24,24 @@ mod memory;
 mod merge;
 mod open;
 mod orient;
-mod packed;
 mod packing;
+mod partition;
 mod pipeline;
+mod rebuild;
 mod resources;
 mod rules;
-mod sieve;
 mod snap;
 mod solids;
 mod sorted;
+mod sorter;
 mod soup;
+mod spill;
 mod subtree;
 mod summary;
 #[cfg(test)]
 mod tests;
 mod thin;
 mod toolpaths;
-mod weigh;
 
 pub use closed::is_closed;
 pub use cloud::{build_clouds, cloud_cells, surfels};

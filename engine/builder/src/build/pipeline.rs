@@ -1,14 +1,15 @@
 //! The main job: mesh files in, store out.
 
-use super::again::without_wrong_device;
 use super::bins::Binner;
 use super::clock::Clock;
-use super::cut::cut;
+use super::cost::{CostMap, weigh_soup};
 use super::field::PieceField;
-use super::foresee::{ForecastInput, foresee};
+use super::forecast::{ForecastInput, foresee};
 use super::jobs::{BuildPlan, build_tree, job_level, sort_cubes};
 use super::open::OpenSoup;
 use super::orient;
+use super::partition::cut;
+use super::rebuild::without_wrong_device;
 use super::resources::{Resources, SpillResources};
 use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
@@ -17,7 +18,6 @@ use super::soup::Soup;
 use super::summary::{BuildSummary, ResumedBuild, ShareSummary};
 use super::thin::{ThinDepth, ThinSummary};
 use super::toolpaths::{bead_sources, build_beads};
-use super::weigh::{CostMap, weigh_soup};
 use crate::brick::{Count, ThinFeatures};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};

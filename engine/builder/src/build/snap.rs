@@ -1,13 +1,13 @@
 //! The pass over the input: snap every vertex, sum the edge balance, sort the triangles by job.
 
 use super::bins::{Binner, SortedRun};
-use super::collect::Collector;
+use super::facet_filter::{FacetFilter, Spacing};
 use super::field::PieceField;
-use super::packed::PackedRun;
 use super::resources::SpillResources;
-use super::sieve::{FacetFilter, Spacing};
 use super::sorted::SortedPieces;
+use super::sorter::Collector;
 use super::soup::Soup;
+use super::spill::PackedRun;
 use crate::error::Result;
 use crate::ingest::{Facet, Facets, runs};
 use crate::lattice::{RootCube, Triangle};

@@ -2,13 +2,13 @@
 
 use super::choose::{BeadSizes, with_cell, with_depth};
 use super::clock::Clock;
-use super::foresee::{ForecastInput, foresee};
+use super::cost::weigh_pieces;
+use super::forecast::{ForecastInput, foresee};
 use super::identity::{ListSources, ListedNodes, write_identity};
 use super::pipeline::{BuildOptions, Resolution, Task, describe, place, place_by};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
 use super::summary::BuildSummary;
-use super::weigh::weigh_pieces;
 use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::ingest::Input;

@@ -19,7 +19,7 @@ mod kernels;
 mod lane;
 mod memory;
 mod present;
-mod ray_room;
+mod ray_capacity;
 mod rays;
 mod screen;
 mod sizes;

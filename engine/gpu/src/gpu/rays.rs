@@ -4,7 +4,7 @@ use super::device::Gpu;
 use super::failure::DeviceFailure;
 use super::kernels::{DescriptorSets, Kernels};
 use super::memory::{Arena, MemoryUse};
-use super::ray_room::{
+use super::ray_capacity::{
     NODES, PAGES, PIXELS, POOL, ROUND, RayCapacity, SHELLS, SIGHT, TABLES, USED, WANTED, page_words,
 };
 use super::slot::BatchSlot;

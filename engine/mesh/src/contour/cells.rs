@@ -1,7 +1,7 @@
 //! The active cells of one leaf, their loops and the vertices of these.
 //!
 //! Cells whose surroundings have their own level or a lower one are found by bit arithmetic on the sign rows
-//! and looped by a table; those next to finer leaves go to [`super::mixed`]. Vertices are numbered within the
+//! and looped by a table; those next to finer leaves go to [`super::transition_cells`]. Vertices are numbered within the
 //! leaf: cells in the order x, y, z from fast to slow, the loops of a cell in the order of their first edge,
 //! then the extra vertices on split faces.
 //!
@@ -19,8 +19,8 @@ mod special;
 mod split;
 
 use super::edges::Quad;
-use super::extras::{FaceVertex, found_extra};
-use super::places::Direction;
+use super::face_vertices::{FaceVertex, found_extra};
+use super::local_index::Direction;
 use super::surface::EdgeRanks;
 use super::topology::{CellCase, NO_LOOP};
 use crate::brick::{Ranks, SignChanges};
@@ -67,7 +67,7 @@ pub(super) struct BrickCells {
     pub extras: Vec<FaceVertex>,
     /// Plain cells with several loops, and cells whose vertex lies beyond them; see [`super::faces`].
     pub special: Vec<[u8; 3]>,
-    /// Cells that have annexed one, in order, and in which direction; see [`super::annex`].
+    /// Cells that have annexed one, in order, and in which direction; see [`super::crease_extension`].
     pub annexed: Vec<([u8; 3], Direction)>,
     /// See [`BrickCells::take_quads`].
     quads: RwLock<Vec<Quad>>,

@@ -21,10 +21,10 @@
 //! A smooth surface is left alone: its planes are many, and they do not pass through one point. Neither is a tip
 //! found that reaches more than a cell beyond the last sample inside.
 
-use super::annex::{CreaseExtension, CreaseVertex};
 use super::cells::{BrickCells, CELL_ROWS, CellsBuilder};
+use super::crease_extension::{CreaseExtension, CreaseVertex};
 use super::halo::{Halo, NamedPlane};
-use super::places::{LocalIndex, home_of, is_next_to, neighbour};
+use super::local_index::{LocalIndex, home_of, is_next_to, neighbour};
 use super::planes::{HermitePlane, distance};
 use super::qef::{MISS, PlaneSums, Qef};
 use super::symmetric::dot;
@@ -48,7 +48,7 @@ const EVIDENCE: usize = 2;
 
 impl CellsBuilder<'_> {
     /// Moves vertices to the corners that the creased cells find, which were noted when their own vertices
-    /// were placed, and others along their creases ([`super::annex`]). Where a corner lies and whose vertex goes there is a
+    /// were placed, and others along their creases ([`super::crease_extension`]). Where a corner lies and whose vertex goes there is a
     /// function of the crossings about it alone, so leaves next to each other agree; each moves its own vertices.
     pub(super) fn complete_corners(&mut self) -> Result<()> {
         let candidates = match self.sums {

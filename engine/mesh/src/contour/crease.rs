@@ -1,8 +1,8 @@
 //! The crease in which the planes of a cell with one loop meet at a sharp angle, and the box that the cell's vertex may
 //! be in.
 
-use super::outliers::minimiser;
-use super::places::{Direction, neighbour};
+use super::constrained_qef::minimiser;
+use super::local_index::{Direction, neighbour};
 use super::qef::{TRUNCATION_SQUARED, Vector};
 use super::solve::SolvedGroup;
 use super::symmetric::{Symmetric, dot};
@@ -38,7 +38,7 @@ pub(super) fn is_crossed(mask: u8, face: Direction) -> bool {
 /// Where the planes of a cell with one loop meet at a sharp angle, as the cell sees it.
 #[derive(Clone, Copy)]
 pub(super) struct Crease {
-    /// Matrix, right-hand side and so on, as in [`super::outliers::Terms`]; the largest eigenvalue is known.
+    /// Matrix, right-hand side and so on, as in [`super::constrained_qef::Terms`]; the largest eigenvalue is known.
     terms: [f64; 16],
     /// The minimiser anywhere.
     pub free: Vector,

@@ -19,7 +19,7 @@
 //!
 //! Cells are boxes between the planes of the lattice rounded to 32 bits, as vertices are. Rounding keeps order.
 //! Vertices keep a distance of more than a step from their cell's faces, those on faces a step from the face's border
-//! ([`super::extras`]), and those on edges a step from the edge's ends.
+//! ([`super::face_vertices`]), and those on edges a step from the edge's ends.
 //!
 //! Everything is decided from these numbers; what rounding of 64-bit numbers could decide otherwise counts as not
 //! within, which costs triangles at worst.

@@ -10,7 +10,7 @@ mod find;
 pub(super) use find::find;
 
 use super::cells::CELL_ROWS;
-use super::extras::{FaceVertex, found_extra};
+use super::face_vertices::{FaceVertex, found_extra};
 use crate::lattice::{Axis, BRICK_CELLS};
 
 /// The vertices on faces that a leaf owns; numbered after those of its cells.

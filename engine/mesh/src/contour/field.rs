@@ -1,6 +1,7 @@
 //! The tree as the contouring stages see it: its leaves, their surfaces and their cells, cached.
 
 use super::adaptive::{CrossLeafMerges, LeafCandidates, MergedVertices};
+use super::buffer_pool::BufferPool;
 use super::cache::LeafCache;
 use super::cells::BrickCells;
 use super::edges::Quad;
@@ -12,7 +13,6 @@ use super::options::ContourOptions;
 use super::order::in_order;
 use super::qef::PlaneSums;
 use super::solve::OnSurface;
-use super::spare::BufferPool;
 use super::surface::{HermiteSurface, IsoLevel, LeafSurface};
 use super::vertices::LeafVertices;
 use crate::error::Result;
@@ -259,7 +259,7 @@ impl<'a> LevelSet<'a> {
         self.across().map_or(Vec::new(), |across| across.normals(leaf))
     }
 
-    /// Whether creases are followed through cells without a vertex of their own, see [`super::annex`].
+    /// Whether creases are followed through cells without a vertex of their own, see [`super::crease_extension`].
     pub(super) fn follows_creases(&self) -> bool {
         self.follows_creases
     }

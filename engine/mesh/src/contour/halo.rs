@@ -8,9 +8,9 @@
 
 use super::crease::Crease;
 use super::edges::{EDGE_PLACES, EdgeStreams};
+use super::face_ambiguity;
 use super::field::LevelSet;
-use super::joined;
-use super::places::LocalIndex;
+use super::local_index::LocalIndex;
 use super::planes::HermitePlane;
 use super::qef::MISS;
 use super::solve::LoopGroup;
@@ -107,7 +107,7 @@ impl<'a> Halo<'a> {
         Ok(self.active(cell)?.filter(|(_, _, kind)| kind.loops().count == 1))
     }
 
-    /// The sharp crease of such a cell, found in the first lane of `group`, which is empty; see [`super::annex`].
+    /// The sharp crease of such a cell, found in the first lane of `group`, which is empty; see [`super::crease_extension`].
     pub(super) fn sharp_crease(&self, cell: LocalIndex, group: &mut LoopGroup) -> Result<Option<Crease>> {
         let Some((changes, cell, kind)) = self.lone(cell)? else { return Ok(None) };
         Ok(dispatch!(level(), simd => {
@@ -126,7 +126,7 @@ impl<'a> Halo<'a> {
     fn active(&self, cell: LocalIndex) -> Result<Option<(&HermiteSurface, [usize; 3], CellCase)>> {
         let Some((LeafSurface::Changes(changes), d, cell)) = self.plain(cell) else { return Ok(None) };
         let Some(key) = self.key.neighbour(d) else { return Ok(None) };
-        Ok(Some((&**changes, cell, joined::kind(self.field, key, changes, cell)?)))
+        Ok(Some((&**changes, cell, face_ambiguity::kind(self.field, key, changes, cell)?)))
     }
 
     /// The crossings on the lattice edges between the samples `low` and `high`, both included, in an order that

@@ -139,7 +139,7 @@ fn dot(normal: &[f64; 3], at: [f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::extras::middle;
+    use super::super::face_vertices::middle;
     use super::*;
     use crate::lattice::Axis;
     use proptest::prelude::*;

@@ -1,7 +1,7 @@
 //! Marching cubes (Lorensen & Cline 1987), for comparison with the dual method: vertices where the surface crosses
 //! lattice edges, polygons within cells.
 //!
-//! Cells are looped as for the dual method, ambiguous faces by their Hermite data ([`super::joined`]), where the
+//! Cells are looped as for the dual method, ambiguous faces by their Hermite data ([`super::face_ambiguity`]), where the
 //! asymptotic decider (Nielson & Hamann 1991) asks the four samples, which are whole numbers here and often do not
 //! tell.
 //!
@@ -18,8 +18,8 @@ use super::cells::{CELL_ROWS, CellRow, mark_active};
 use super::cut::{Cutter, QuadSplit, Vertex};
 use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::envelope::MinimalEdge;
+use super::face_ambiguity;
 use super::field::LevelSet;
-use super::joined;
 use super::leaves::{LeafNeighbour, LeafNeighbours, broken, direction_index};
 use super::normal_sum::NormalSum;
 use super::polygons::{FacetOptions, LeafFacets, direction};
@@ -145,7 +145,7 @@ fn march(
         let (j, k) = (n % BRICK_CELLS, n / BRICK_CELLS);
         let streams = EdgeStreams::of(Some(changes), j, k);
         for i in (0..BRICK_CELLS).filter(|i| row.active >> i & 1 == 1) {
-            let kind = joined::kind(field, key, changes, [i, j, k])?;
+            let kind = face_ambiguity::kind(field, key, changes, [i, j, k])?;
             for ring in &RINGS[kind.index()] {
                 let slot = |n: usize| streams.slot(i, &EDGE_PLACES[usize::from(ring.edges[n])]);
                 if let (Some(normals), Cut::Fan) = (&mut normals, &ring.cut) {

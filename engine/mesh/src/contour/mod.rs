@@ -60,41 +60,39 @@
 //! | `shells` | connected surfaces: their volumes, which lie in which, meshes of some |
 
 mod adaptive;
-mod annex;
+mod buffer_pool;
 mod cache;
 mod cells;
+mod constrained_qef;
 mod corner;
 mod crease;
+mod crease_extension;
 mod cut;
 mod edges;
 mod envelope;
-mod extras;
+mod face_ambiguity;
+mod face_vertices;
 mod faces;
 mod field;
-mod foresee;
+mod forecast;
 mod frame;
 mod halo;
-mod joined;
 mod lanes;
-mod later;
 mod leaves;
-mod lone;
+mod local_index;
 mod loops;
 mod marching;
-mod mixed;
 mod normal_sum;
 mod normals;
 mod options;
 mod order;
-mod outliers;
-mod places;
 mod planes;
 mod polygons;
 mod qef;
 mod shells;
+mod single_brick;
 mod sink;
 mod solve;
-mod spare;
 mod stages;
 mod surface;
 mod symmetric;
@@ -102,14 +100,16 @@ mod tagged;
 #[cfg(test)]
 mod tests;
 mod topology;
+mod transition_cells;
 mod triangle_names;
+mod triangle_spool;
 mod vertices;
 
 pub use cut::{Cuts, MeshTriangle};
-pub use foresee::foresee_triangles;
-pub use lone::{SingleBrick, SingleBrickCells, has_one_sheet};
+pub use forecast::foresee_triangles;
 pub use options::{ContourMethod, ContourOptions, MeshSummary};
 pub use shells::{Angles, KeptCounts, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellFilter, ShellSink};
+pub use single_brick::{SingleBrick, SingleBrickCells, has_one_sheet};
 pub use sink::{
     MeshArrays, MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, create_sink,
     create_sink_with_normals, ply_faces,
@@ -121,14 +121,14 @@ use crate::error::{Error, Result};
 use crate::part::temporary::require_folder;
 use crate::progress::Progress;
 use crate::store::BrickTree;
+use buffer_pool::BufferPool;
 use field::LevelSet;
 use frame::united;
-use later::{NumberedTriangles, Numbering, SpooledTriangles, TriangleSpool};
 use normals::LeafNormals;
 use options::{level, require_half, require_resolution, require_tolerance};
 use order::in_order;
 use polygons::{FacetOptions, LeafFacets};
-use spare::BufferPool;
+use triangle_spool::{NumberedTriangles, Numbering, SpooledTriangles, TriangleSpool};
 use vertices::LeafVertices;
 
 /// Contours w = `options.iso` of `tree` into `sink`, which gets all vertices, then all triangles, and is

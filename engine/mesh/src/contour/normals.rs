@@ -19,12 +19,12 @@
 use super::cells::{BrickCells, CELL_ROWS};
 use super::edges::{EDGE_PLACES, EdgeStreams};
 use super::envelope::MinimalEdge;
-use super::extras::{face_key, plain_edge_key};
+use super::face_vertices::{face_key, plain_edge_key};
 use super::field::LevelSet;
-use super::mixed::TransitionLeaf;
 use super::normal_sum::NormalSum;
 use super::surface::{HermiteSurface, LeafSurface};
 use super::topology::CellLoops;
+use super::transition_cells::TransitionLeaf;
 use super::vertices::LeafVertices;
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};

@@ -21,6 +21,7 @@ mod around;
 mod merged;
 
 use super::adaptive::{EdgeFilter, OWN, SharedVertex};
+use super::buffer_pool::BufferPool;
 use super::cells::BrickCells;
 use super::cut::{BOTH, Cutter, FacetBytes, FacetMeasures, QuadSplit, Vertex, tag};
 use super::edges::{NO_VERTEX, Quad};
@@ -28,7 +29,6 @@ use super::envelope::MinimalEdge;
 use super::field::LevelSet;
 use super::leaves::{LeafNeighbour, LeafNeighbours, direction_index};
 use super::sink::MeshEncoding;
-use super::spare::BufferPool;
 use super::topology::{SQUARE, cell_around, edge_index};
 use super::triangle_names::{TriangleNames, first_bytes};
 use super::vertices::LeafVertices;
@@ -98,7 +98,7 @@ pub(super) fn leaf_facets(
 }
 
 /// The triangles of a leaf as they would be with what is merged so far, as far as they are wanted, for
-/// [`super::later::each_whole`], and how they name vertices; the names of the corners of polygons with a merged vertex bear a
+/// [`super::triangle_spool::each_whole`], and how they name vertices; the names of the corners of polygons with a merged vertex bear a
 /// [`MergeMark`].
 pub(super) fn named_facets(
     field: &LevelSet,

@@ -2,11 +2,11 @@
 //!
 //! Every lane does the same operations in the same order, and none is fused: a vertex has the same bits for any
 //! width and whatever loops share its group. Lanes without a closed form, a few in a hundred, and minimisers outside
-//! their cell that do not lie on the one face that they are beyond are left to [`super::outliers`].
+//! their cell that do not lie on the one face that they are beyond are left to [`super::constrained_qef`].
 
+use super::constrained_qef::LoopTerms;
 use super::edges::EdgePlace;
 use super::lanes::{GROUP, Lanes, Matrix, Vec3, divided, inverse, load, minus, on_faces, times};
-use super::outliers::LoopTerms;
 use super::planes::EdgePlane;
 use super::qef::{Qef, SHARP, TRUNCATION_SQUARED, Vector, WideSums, most_least, ridge};
 use super::symmetric::{Symmetric, dot};
@@ -84,13 +84,13 @@ pub(super) struct SolvedGroup<S: Simd> {
     pub at: Vec3<S>,
     /// Lower corners of the cells.
     pub corners: Vec3<S>,
-    /// Bit per loop: its point is left to [`super::outliers`].
+    /// Bit per loop: its point is left to [`super::constrained_qef`].
     pub left: u64,
     /// What those need, and what is known of sharp ones.
     pub terms: LoopTerms,
     /// Bit per loop: all normals agree so well that two eigenvalues are truncated anyway.
     pub flat: u64,
-    /// Bit per loop: its normals are as far apart as those at a crease that is followed ([`super::annex`]).
+    /// Bit per loop: its normals are as far apart as those at a crease that is followed ([`super::crease_extension`]).
     pub sharp: u64,
     /// Bit per loop: one direction is truncated.
     pub lines: u64,
@@ -185,7 +185,7 @@ impl LoopGroup {
     pub(super) fn points(&mut self, used: usize, margin: f64) -> [Vector; GROUP] {
         crate::wide::dispatch!(crate::wide::level(), simd => {
             let solved = self.solve(simd, used, margin, 0.01);
-            let left = super::outliers::minimisers(&solved.terms, super::outliers::cell(margin));
+            let left = super::constrained_qef::minimisers(&solved.terms, super::constrained_qef::cell(margin));
             let mut points = solved.points();
             for lane in (0..used).filter(|lane| solved.left >> lane & 1 == 1) {
                 points[lane] = left[lane];

@@ -22,7 +22,7 @@ pub(super) fn field<'a>(
         cells: cells::build,
         faces: faces::find,
         draft: adaptive::draft,
-        merged: adaptive::merged,
+        merged: adaptive::merged_vertices,
     };
     LevelSet::new(tree, level, options, makers)
 }

@@ -3,12 +3,12 @@
 //! A polygon separates the two samples at the ends of its edge, so whoever has labels of samples knows which region each
 //! triangle bounds, even where two of them touch.
 
+use super::buffer_pool::BufferPool;
 use super::cut::{Cuts, FacetBytes};
 use super::leaves::ContourLeaf;
 use super::options::{ContourOptions, level, require_resolution};
 use super::polygons::{self, FacetOptions};
 use super::solve::OnSurface;
-use super::spare::BufferPool;
 use super::stages;
 use crate::error::Result;
 use crate::lattice::{Axis, NodeKey};

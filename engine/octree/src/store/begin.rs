@@ -2,8 +2,8 @@
 
 use super::identity::IdentityEntry;
 use super::journal::{Journal, JournalHead, SettingPairs, encode_frame, journal_path};
-use super::kept::{RecoveredFrames, belongs, find};
 use super::layout::IndexEntry;
+use super::resume_state::{RecoveredFrames, belongs, find};
 use crate::disk::planted::{Bug, planted};
 use crate::disk::{Disk, DiskFile};
 use crate::error::{Error, Result};

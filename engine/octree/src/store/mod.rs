@@ -3,7 +3,6 @@
 //! [`StoreWriter`] makes one, [`Store`] answers from it, through the view that [`BrickTree`] gives of any
 //! octree. The file's layout is described in `FORMAT.md` beside this crate's manifest.
 
-mod ahead;
 mod begin;
 mod cache;
 mod commit;
@@ -12,12 +11,13 @@ mod identity;
 mod index;
 mod join;
 mod journal;
-mod kept;
 mod layout;
 mod meta;
 mod order;
+mod prefetch;
 mod reader;
 mod records;
+mod resume_state;
 mod share;
 mod source;
 mod summary;
@@ -27,7 +27,6 @@ mod visit;
 mod volumes;
 mod writer;
 
-pub use ahead::Walk;
 pub use cache::BrickCache;
 pub use cache::CacheStats;
 pub use identity::{
@@ -35,13 +34,14 @@ pub use identity::{
 };
 pub use join::{CoarseSamples, JoinedNode, common_empty, interior, join, joined, record_empty};
 pub use journal::SettingPairs;
-pub use kept::ResumeState;
 pub use layout::{FORMAT_VERSION, IndexEntry};
 pub use meta::{BeadsMeta, BuildCounts, Meta, Refine, Source};
 pub use order::{build_order, subtree_level};
+pub use prefetch::Walk;
 pub use reader::hash_of;
 pub use reader::{AcceptedStores, Store, StoreOptions, is_store};
 pub use records::{EncodedBricks, Records};
+pub use resume_state::ResumeState;
 pub use share::{Share, ShareId, ShareNumbers, cell_key, cells_of};
 pub use source::Io;
 pub use summary::{LevelSummary, NodeNumbers, StoreSummary};

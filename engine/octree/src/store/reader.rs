@@ -1,6 +1,5 @@
 //! Opens a store and answers from it, without trusting a number in it.
 
-use super::ahead::Prefetch;
 use super::cache::{BrickCache, CacheStats};
 use super::commit::{Commit, read_commit};
 use super::fault::REBUILD;
@@ -11,6 +10,7 @@ use super::layout::{
     HEADER_BYTES, IndexEntry, MAGIC, PAGE_BYTES, SLOT_BYTES, SLOT_OFFSETS, Slot, Version, record_crc,
 };
 use super::meta::Meta;
+use super::prefetch::Prefetch;
 use super::source::{ByteSource, Io};
 use super::{BrickTree, NodeInfo};
 use crate::brick::Brick;

@@ -1,8 +1,8 @@
 //! Reads every record of a store and checks what records say of each other.
 
-use super::ahead::Walk;
 use super::identity::IdentityEntry;
 use super::layout::IndexEntry;
+use super::prefetch::Walk;
 use super::reader::Store;
 use crate::brick::{Brick, SignChanges};
 use crate::error::{Error, Result};

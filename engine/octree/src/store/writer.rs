@@ -5,11 +5,11 @@ use super::begin::{JournalWriter, UnfinishedStore, begin};
 use super::identity::{BeadTables, IdentityEntry, IdentityPlace, identity_crc};
 use super::index::Index;
 use super::journal::{JournalHead, SettingPairs};
-use super::kept::ResumeState;
 use super::layout::{
     FileId, HEADER_BYTES, IndexEntry, PAGE_BYTES, SLOT_OFFSETS, Slot, Version, encode_preamble, record_crc,
 };
 use super::meta::Meta;
+use super::resume_state::ResumeState;
 use crate::brick::Brick;
 use crate::brick::codec::{PayloadHead, PayloadKind, Scratch, encode_into};
 use crate::disk::planted::{Bug, planted};

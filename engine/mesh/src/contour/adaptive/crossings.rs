@@ -6,7 +6,7 @@ use super::super::leaves::{LeafNeighbour, Leaves, direction_index, directions};
 use super::super::qef::Vector;
 use super::super::surface::HermiteSurface;
 use super::super::topology::{SQUARE, cell_around, edge_index};
-use super::names::LEVELS;
+use super::vertex_merge::LEVELS;
 use crate::lattice::{Axis, BRICK_CELLS};
 
 /// Stands for a cell beyond the leaf.

@@ -12,8 +12,8 @@
 //!
 //! Without the direction the planes would say little: all planes of a thin fin pass close to a vertex at its foot.
 
+use super::super::constrained_qef::{cell, minimisers};
 use super::super::lanes::GROUP;
-use super::super::outliers::{cell, minimisers};
 use super::super::qef::{Qef, Vector};
 use super::super::solve::LoopGroup;
 use super::super::symmetric::dot;

@@ -1,6 +1,6 @@
 //! Fewer vertices where the surface is flat: those of cells are merged, bottom-up, over the nodes of the octree
 //! (Schaefer, Ju & Warren 2007, *Manifold Dual Contouring*). Nodes are 2, 4, 8, 16 and 32 cells wide within a leaf
-//! ([`draft`]), and above it over the nodes of the tree, 64, 128, … cells wide ([`across`]).
+//! ([`leaf_candidates`]), and above it over the nodes of the tree, 64, 128, … cells wide ([`cross_leaf`]).
 //!
 //! What hangs together within a node becomes one vertex if
 //! - it is a disk, by its Euler characteristic;
@@ -40,61 +40,65 @@
 //! of what leaves hand on, in the order of the tree. The mesh is manifold whichever of the vertices that pass are
 //! taken.
 //!
-//! Some are given up because the surface would fold there ([`folds`]), others because triangles would meet where they
-//! are not joined ([`meetings`]). All of that is decided before any vertex is numbered; from then on what becomes of a
+//! Some are given up because the surface would fold there ([`foldovers`]), others because triangles would meet where they
+//! are not joined ([`self_intersections`]). All of that is decided before any vertex is numbered; from then on what becomes of a
 //! leaf's vertices is a matter of its draft and of what was given up ([`CrossLeafMerges::names`]).
 //!
 //! *What is not merged* is as without a tolerance: polygons without a merged vertex are cut the same way. A vertex on
 //! a face ([`super::faces`]) stays as long as neither cell at the face is merged, which both polygons at it know.
 
-mod across;
-mod beside;
 mod bounds;
+mod cross_leaf;
 mod crossings;
-mod draft;
-mod drafting;
 mod edge;
 mod edge_box;
-mod find_across;
-mod find_folds;
+mod edge_filter;
+mod find_candidates;
+mod find_cross_leaf;
+mod find_foldovers;
 mod fit;
-mod folds;
-mod made;
-mod meetings;
-mod merged;
-mod names;
+mod foldovers;
+mod leaf_candidates;
+mod leaf_triangles;
+mod merged_vertices;
+mod out_of_cell;
 mod parts;
 mod patches;
-mod room;
-mod strays;
-mod wanted;
+mod reaching_edges;
+mod self_intersections;
+mod triangle_grid;
+mod vertex_merge;
 
-pub(super) use across::CrossLeafMerges;
-pub(super) use draft::LeafCandidates;
-pub(super) use drafting::draft;
+pub(super) use cross_leaf::CrossLeafMerges;
 pub(super) use edge::{OWN, turns};
-pub(super) use find_across::find_across;
-pub(super) use meetings::MeetingSearch;
-pub(super) use merged::{MergedVertices, SharedVertex};
-pub(super) use wanted::{EdgeFilter, NumberedEdge};
+pub(super) use edge_filter::{EdgeFilter, NumberedEdge};
+pub(super) use find_candidates::draft;
+pub(super) use find_cross_leaf::find_across;
+pub(super) use leaf_candidates::LeafCandidates;
+pub(super) use merged_vertices::{MergedVertices, SharedVertex};
+pub(super) use self_intersections::MeetingSearch;
 
 use super::cells::BrickCells;
-use super::extras::{FACES, FaceVertex, edge_key, face_key};
+use super::face_vertices::{FACES, FaceVertex, edge_key, face_key};
 use super::faces::FaceVertices;
 use super::field::LevelSet;
 use super::frame::CellFrame;
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crossings::FROZEN;
-use draft::Candidate;
 use edge::Edge;
 use hashbrown::HashTable;
-use names::{NONE, VertexMerge, bits, hash};
+use leaf_candidates::Candidate;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use vertex_merge::{NONE, VertexMerge, bits, hash};
 
 /// Merges the vertices of a leaf's cells.
-pub(super) fn merged(field: &LevelSet, leaf: u32, across: &CrossLeafMerges) -> Result<MergedVertices> {
+pub(super) fn merged_vertices(
+    field: &LevelSet,
+    leaf: u32,
+    across: &CrossLeafMerges,
+) -> Result<MergedVertices> {
     let (draft, cells, faces) = (field.draft(leaf)?, field.cells(leaf)?, field.faces(leaf)?);
     let hosted = across.hosted(leaf);
     let names = across.names(leaf, &draft, cells.len());

@@ -1,11 +1,11 @@
-//! Parts of the surface that may go on in the bricks around: what a node tells its parent ([`super::across`]).
+//! Parts of the surface that may go on in the bricks around: what a node tells its parent ([`super::cross_leaf`]).
 
 use super::super::qef::{Qef, Vector};
 use super::super::symmetric::dot;
 use super::super::topology::{SQUARE, edge_index};
 use super::crossings::{FROZEN, LeafEdges, SignChangeEdge};
-use super::names::{LEVELS, NONE};
 use super::patches::{LevelPatches, crosses_as_a_plane};
+use super::vertex_merge::{LEVELS, NONE};
 use crate::lattice::{Axis, NodeKey};
 
 /// A part with more different normals than this stays what it is: it is curved, and each of them takes 40 bytes and a

@@ -4,7 +4,7 @@
 use super::super::qef::Qef;
 use super::super::topology::{SQUARE, edge_index, edge_lower};
 use super::crossings::{FROZEN, LeafEdges};
-use super::names::LEVELS;
+use super::vertex_merge::LEVELS;
 use std::sync::LazyLock;
 
 /// By face, number `2·axis + side`, the edges of a cube that bound it.

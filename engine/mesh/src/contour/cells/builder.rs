@@ -3,22 +3,22 @@
 use super::several::MultiLoopCell;
 use super::{BrickCells, CELL_ROWS, CellRow};
 use crate::brick::SignChanges;
+use crate::contour::constrained_qef::ConstrainedLoops;
 use crate::contour::crease::Crease;
 use crate::contour::edges::{EDGE_PLACES, EdgeStreams, NO_VERTEX, Quad};
-use crate::contour::extras::{FaceVertex, SplitPlace, SplitVertex};
+use crate::contour::face_ambiguity;
+use crate::contour::face_vertices::{FaceVertex, SplitPlace, SplitVertex};
 use crate::contour::field::LevelSet;
 use crate::contour::frame::CellFrame;
-use crate::contour::joined;
 use crate::contour::lanes::GROUP;
 use crate::contour::leaves::{LeafNeighbour, LeafNeighbours};
-use crate::contour::mixed::TransitionLeaf;
-use crate::contour::outliers::ConstrainedLoops;
-use crate::contour::places::LocalIndex;
+use crate::contour::local_index::LocalIndex;
 use crate::contour::planes::EdgePlane;
 use crate::contour::qef::{PlaneSums, Qef};
 use crate::contour::solve::LoopGroup;
 use crate::contour::surface::HermiteSurface;
 use crate::contour::topology::CellCase;
+use crate::contour::transition_cells::TransitionLeaf;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::wide::{Simd, dispatch, level};
@@ -103,7 +103,7 @@ pub(in crate::contour) struct CellsBuilder<'a> {
     pub cells: BrickCells,
     /// Plain cells with one loop that is not flat, for [`super::corner`].
     pub creased: Vec<[u8; 3]>,
-    /// Those of them whose crease is sharp, for [`super::annex`], if creases are followed.
+    /// Those of them whose crease is sharp, for [`super::crease_extension`], if creases are followed.
     pub sharp: Vec<([usize; 3], Crease)>,
     /// Those of them that may be at a corner, where there are sums.
     pub candidates: Vec<LocalIndex>,
@@ -221,7 +221,7 @@ impl<'a> CellsBuilder<'a> {
     #[inline(always)]
     fn kind(&self, cell: [usize; 3], streams: &EdgeStreams) -> Result<CellCase> {
         let Some(changes) = self.changes else { return Ok(CellCase::default()) };
-        joined::kind_of(self.field, self.key, changes, cell, streams.mask(cell[0]))
+        face_ambiguity::kind_of(self.field, self.key, changes, cell, streams.mask(cell[0]))
     }
 
     #[inline(always)]

@@ -2,9 +2,9 @@
 
 use super::builder::{CellsBuilder, PendingLoop};
 use super::special::apart;
+use crate::contour::constrained_qef::{self, minimisers};
 use crate::contour::crease::Crease;
 use crate::contour::lanes::GROUP;
-use crate::contour::outliers::{self, minimisers};
 use crate::contour::qef::{MISS, PlaneSums};
 use crate::contour::solve::SolvedGroup;
 use crate::lattice::BRICK_CELLS;
@@ -51,7 +51,7 @@ impl CellsBuilder<'_> {
             } else {
                 let point = if is_left {
                     // The cell's next vertex must know where this one is.
-                    minimisers(&solved.terms, outliers::cell(margin))[lane]
+                    minimisers(&solved.terms, constrained_qef::cell(margin))[lane]
                 } else {
                     solved.points()[lane]
                 };

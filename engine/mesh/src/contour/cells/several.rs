@@ -1,7 +1,7 @@
 //! The loops of a cell next to finer leaves that has several.
 
 use crate::contour::envelope::MinimalEdge;
-use crate::contour::mixed::MixedCell;
+use crate::contour::transition_cells::MixedCell;
 
 /// A mixed cell with several loops.
 pub(super) struct MultiLoopCell {

@@ -2,8 +2,8 @@
 
 use super::builder::CellsBuilder;
 use crate::contour::edges::EdgeStreams;
-use crate::contour::extras::{SplitFace, SplitPlace, SplitVertex, face_key, middle, plain_edge_key};
-use crate::contour::joined;
+use crate::contour::face_ambiguity;
+use crate::contour::face_vertices::{SplitFace, SplitPlace, SplitVertex, face_key, middle, plain_edge_key};
 use crate::contour::leaves::{LeafNeighbour, direction_index};
 use crate::contour::surface::LeafSurface;
 use crate::contour::topology::{CellLoops, edge_lower};
@@ -86,7 +86,7 @@ impl CellsBuilder<'_> {
             && let LeafSurface::Changes(changes) = &*self.field.surface(other)?
         {
             let below = below.map(|c| c.rem_euclid(BRICK_CELLS as i32) as usize);
-            Some(joined::kind(self.field, self.field.leaves.get(other).key, changes, below)?)
+            Some(face_ambiguity::kind(self.field, self.field.leaves.get(other).key, changes, below)?)
         } else {
             None
         };

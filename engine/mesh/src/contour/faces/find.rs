@@ -4,12 +4,12 @@ mod uneven;
 
 use super::{FaceVertices, Faces};
 use crate::contour::cells::{BrickCells, CELL_ROWS, within};
-use crate::contour::extras::{SplitFace, face_key, face_of, middle, plain_edge_key};
+use crate::contour::face_vertices::{SplitFace, face_key, face_of, middle, plain_edge_key};
 use crate::contour::field::LevelSet;
 use crate::contour::frame::SampleCoordinates;
 use crate::contour::leaves::{LeafNeighbour, direction_index};
+use crate::contour::local_index::Direction;
 use crate::contour::loops::{LOOPS, LoopRegion, SLACK};
-use crate::contour::places::Direction;
 use crate::contour::planes::HermitePlane;
 use crate::contour::surface::LeafSurface;
 use crate::contour::topology::{CellCase, edge_index, edge_lower};

@@ -2,7 +2,7 @@
 
 use super::{Corner, FacetMaker, Polygon, direction};
 use crate::contour::adaptive::SharedVertex;
-use crate::contour::extras::{edge_key, face_key};
+use crate::contour::face_vertices::{edge_key, face_key};
 use crate::contour::leaves::{LeafNeighbour, broken, cell_in, direction_index};
 use crate::contour::topology::{SQUARE, cell_around, edge_index};
 use crate::contour::vertices::LeafVertices;

@@ -2,9 +2,9 @@
 
 use super::meetings::apart;
 use super::*;
-use crate::contour::extras::{face_key, plain_edge_key};
+use crate::contour::face_vertices::{face_key, plain_edge_key};
 use crate::contour::frame::SampleCoordinates;
-use crate::contour::places::{Direction, neighbour};
+use crate::contour::local_index::{Direction, neighbour};
 use crate::contour::stages;
 use crate::contour::vertices::LeafVertices;
 use crate::lattice::BRICK_CELLS;

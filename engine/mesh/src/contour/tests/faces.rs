@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::contour::envelope::MinimalEdge;
-use crate::contour::extras::SplitFace;
+use crate::contour::face_vertices::SplitFace;
 use crate::contour::stages;
 use crate::contour::topology::{corners_in_run, cut_runs};
 use crate::lattice::{RootCube, spacing_bits};

@@ -1,4 +1,4 @@
-//! Vertices one at a time, written plainly: what the vectors of [`super::super::solve`] and [`super::super::outliers`] are
+//! Vertices one at a time, written plainly: what the vectors of [`super::super::solve`] and [`super::super::constrained_qef`] are
 //! tested against.
 
 use super::super::qef::{Eigen, PULL, TRUNCATION_SQUARED, Vector};

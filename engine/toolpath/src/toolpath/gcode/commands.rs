@@ -1,11 +1,11 @@
 //! Codes: G, M and T words.
 
+use super::file_scan::INCH;
 use super::firmware::Firmware;
 use super::machine::MachineState;
 use super::neutral;
 use super::offsets::OffsetCode;
 use super::settings::m200_diameters;
-use super::signs::INCH;
 use super::words::{MalformedWord, Word, Words, token};
 use crate::error::Result;
 

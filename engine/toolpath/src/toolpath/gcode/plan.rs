@@ -2,10 +2,10 @@
 
 use super::beads::BeadAssembler;
 use super::deposition::{DepositionCode, DepositionSwitch, MachineFamily};
+use super::file_scan::ScanFindings;
 use super::layer_axis::LayerAxis;
 use super::machine::Setup;
 use super::report::UnitSource;
-use super::signs::ScanFindings;
 use super::sizes::Rise;
 use super::{GcodeOptions, Survey};
 use crate::error::{Error, Result};

@@ -10,7 +10,7 @@
 //! Everything depends on the tree, the error and the cell, and not on who asks: cells are kept with the tree for the
 //! next time, whichever thread asks then.
 
-use super::kept::{ConcurrentCache, MemorySize};
+use super::concurrent_cache::{ConcurrentCache, MemorySize};
 use super::local::{GROUP, LocalExpansion, local_bound};
 use super::moments::{SurfaceElement, error_bound};
 use super::region::CellSum;

@@ -16,7 +16,7 @@ mod boundary;
 mod brick;
 mod caps;
 mod cells;
-mod kept;
+mod concurrent_cache;
 mod local;
 mod loops;
 mod moments;

@@ -1,6 +1,6 @@
 //! What is known of a sum in a cell: see [`super::regions`].
 
-use super::kept::MemorySize;
+use super::concurrent_cache::MemorySize;
 use super::local::LocalExpansion;
 use std::sync::Arc;
 

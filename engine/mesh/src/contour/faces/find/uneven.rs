@@ -1,6 +1,6 @@
 //! Faces of cells next to leaves of other levels.
 //!
-//! Such a cell is bounded by minimal faces and edges, its own or those of finer leaves ([`super::super::mixed`]), and
+//! Such a cell is bounded by minimal faces and edges, its own or those of finer leaves ([`super::super::transition_cells`]), and
 //! what [`super::super::envelope`] says of cells of one size holds of it as well. It is convex, and its vertex is
 //! strictly inside.
 //!
@@ -13,9 +13,9 @@
 //! Faces of cells with several loops that are next to finer leaves have vertices in any case (`cells/cones`).
 
 use super::*;
-use crate::contour::extras::edge_key;
+use crate::contour::face_vertices::edge_key;
 use crate::contour::leaves::{LeafNeighbours, broken, cell_in};
-use crate::contour::mixed::{MixedCell, MixedCut, TransitionLeaf};
+use crate::contour::transition_cells::{MixedCell, MixedCut, TransitionLeaf};
 use crate::lattice::Units;
 
 /// A cut of a face that the leaf owns.

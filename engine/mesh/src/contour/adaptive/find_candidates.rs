@@ -8,13 +8,13 @@ use super::super::qef::Qef;
 use super::super::solve::LoopGroup;
 use super::super::surface::LeafSurface;
 use super::crossings::{FROZEN, LeafEdges};
-use super::draft::{Candidate, LeafCandidates};
 use super::edge::Edge;
 use super::fit::{self, CellNode};
-use super::folds;
-use super::names::{LEVELS, NONE};
+use super::foldovers;
+use super::leaf_candidates::{Candidate, LeafCandidates};
 use super::parts;
 use super::patches::LevelPatches;
+use super::vertex_merge::{LEVELS, NONE};
 use crate::error::Result;
 
 /// What of a leaf may be merged; `tolerance` is in world units.
@@ -42,7 +42,7 @@ pub(in super::super) fn draft(field: &LevelSet, leaf: u32, tolerance: f64) -> Re
     let mut barred = vec![false; draft.candidates.len()];
     let view = (&draft, &*cells, &[][..]);
     (draft.of_vertex, draft.is_settled) =
-        folds::without(view, &mut barred, largest, |edge| !edge.is_outer(), |_, _, _| None);
+        foldovers::without(view, &mut barred, largest, |edge| !edge.is_outer(), |_, _, _| None);
     draft.barred = barred;
     draft.candidates.shrink_to_fit();
     draft.members.shrink_to_fit();

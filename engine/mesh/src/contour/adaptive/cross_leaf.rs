@@ -13,16 +13,16 @@
 //! nodes a level, [`MOST_CROSSINGS`] a node at most, and what is found.
 //!
 //! What is found counts for all leaves that have a part of it, so they must agree whether it folds the surface
-//! ([`super::folds`]). Further walks over these leaves collect what does, given what each leaf and the walk before
+//! ([`super::foldovers`]). Further walks over these leaves collect what does, given what each leaf and the walk before
 //! would merge. It is given up for what it is made of, until nothing folds or [`MOST_WALKS`] are done.
 
 use super::super::frame::CellFrame;
 use super::super::leaves::Leaves;
-use super::draft::LeafCandidates;
 use super::edge::{ACROSS, Corner};
-use super::merged::SharedVertex;
-use super::names::{NONE, VertexMerge, bits};
-use super::strays::OutOfCellEdges;
+use super::leaf_candidates::LeafCandidates;
+use super::merged_vertices::SharedVertex;
+use super::out_of_cell::OutOfCellEdges;
+use super::vertex_merge::{NONE, VertexMerge, bits};
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
 use std::collections::{BTreeSet, HashMap, HashSet};
 

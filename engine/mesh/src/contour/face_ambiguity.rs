@@ -12,7 +12,7 @@
 //! that are differences of samples are one-sided at a border.
 //!
 //! So the leaf of the upper cell is asked, as it owns the face. Faces of cells that touch finer leaves, and those
-//! towards coarser ones, are not joined ([`super::mixed`]), nor are those of cells all of whose faces are ambiguous
+//! towards coarser ones, are not joined ([`super::transition_cells`]), nor are those of cells all of whose faces are ambiguous
 //! ([`may_join`]).
 
 use super::field::LevelSet;

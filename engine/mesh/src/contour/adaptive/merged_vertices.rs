@@ -1,7 +1,7 @@
 //! The vertices of a leaf as they are after merging.
 
 use super::fit::CellNode;
-use super::names::NONE;
+use super::vertex_merge::NONE;
 
 /// What is merged of the vertices of a leaf: those of its cells and those on its faces.
 #[derive(Default)]

@@ -1,8 +1,8 @@
 //! The triangles in one cube, and which of them meet.
 
-use super::across::{Merge, MergeTarget, is_wide};
 use super::bounds::{Bounds, Sector, TriangleCorners, are_apart, is_fan, meets, normal, wide};
-use super::names::{bits, hash as names_hash};
+use super::cross_leaf::{Merge, MergeTarget, is_wide};
+use super::vertex_merge::{bits, hash as names_hash};
 use crate::predicates::{has_area, meet_by_place};
 use crate::wide::{Simd, SimdBase, SimdMask, dispatch, f32x16, level};
 use glam::DVec3;
@@ -40,7 +40,7 @@ pub(super) struct TriangleGrid {
     numbers: HashTable<u32>,
     /// Those of polygons with a merged corner.
     merged: Vec<GridTriangle>,
-    /// As [`super::made::Made::lone`].
+    /// As [`super::leaf_triangles::Made::single_brick`].
     lone: Vec<(u32, Merge)>,
     /// The others.
     plain: Vec<GridTriangle>,

@@ -36,7 +36,7 @@
 use super::cells::{CELL_ROWS, CellRow, CellsBuilder};
 use super::crease::{Crease, is_crossed, region};
 use super::halo::{Halo, NamedPlane};
-use super::places::{Direction, LocalIndex, home_of, is_next_to, neighbour};
+use super::local_index::{Direction, LocalIndex, home_of, is_next_to, neighbour};
 use super::planes::{HermitePlane, distance};
 use super::qef::Vector;
 use super::solve::{LoopGroup, REACH};

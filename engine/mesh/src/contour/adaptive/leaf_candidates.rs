@@ -2,8 +2,8 @@
 
 use super::edge::Edge;
 use super::fit::CellNode;
-use super::names::NONE;
 use super::parts::SurfaceDisk;
+use super::vertex_merge::NONE;
 use std::ops::Range;
 
 /// A vertex that may stand for others.

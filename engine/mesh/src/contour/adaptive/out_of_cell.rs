@@ -5,8 +5,8 @@
 //! touches it.
 //!
 //! A vertex of a cell that went to a corner next to it ([`super::super::corner`]), or into a cell that this one has
-//! annexed ([`super::super::annex`]), may be outside. Those at vertices of several leaves are looked at elsewhere
-//! ([`super::meetings`]).
+//! annexed ([`super::super::crease_extension`]), may be outside. Those at vertices of several leaves are looked at elsewhere
+//! ([`super::self_intersections`]).
 
 use super::super::cells::BrickCells;
 use super::super::leaves::{Leaves, directions};

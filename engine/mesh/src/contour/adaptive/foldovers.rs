@@ -5,13 +5,13 @@
 //! may not, where only three meet: on the side of a large node, if its vertex is far along the side. Then the largest
 //! of the three is given up, and what it is made of takes its place. The rules of [`super`] hold whichever candidates
 //! are taken. A fold that meets nothing costs no more than a normal that points the wrong way, so the walks in search of
-//! folds may end before there are none; what meets is for [`super::meetings`].
+//! folds may end before there are none; what meets is for [`super::self_intersections`].
 
 use super::super::cells::BrickCells;
 use super::crossings::FROZEN;
-use super::draft::LeafCandidates;
 use super::edge::{Corner, Edge, OWN, turns};
-use super::names::{LEVELS, NONE};
+use super::leaf_candidates::LeafCandidates;
+use super::vertex_merge::{LEVELS, NONE};
 use crate::lattice::{Axis, BRICK_CELLS};
 
 impl LeafCandidates {

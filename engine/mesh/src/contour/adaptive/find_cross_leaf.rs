@@ -5,13 +5,13 @@ use super::super::leaves::{ContourLeaf, LeafNeighbour};
 use super::super::normal_sum::direction;
 use super::super::order::in_order;
 use super::super::solve::LoopGroup;
-use super::across::{CrossLeafMerges, CrossLeafVertex, MergeTarget};
-use super::find_folds;
+use super::cross_leaf::{CrossLeafMerges, CrossLeafVertex, MergeTarget};
+use super::find_foldovers;
 use super::fit;
-use super::names::NONE;
+use super::out_of_cell::straying;
 use super::parts::{BorderCrossing, PartSource, SurfaceDisk};
 use super::patches::{DiskSets, JoinSets};
-use super::strays::straying;
+use super::vertex_merge::NONE;
 use crate::error::Result;
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
@@ -69,7 +69,7 @@ fn give_up_folds(across: &mut CrossLeafMerges, field: &LevelSet, progress: &dyn 
         progress.phase("folds", Some(asked.len() as u64), "bricks");
         let this = &*across;
         // From the last one on: what has been made of these is still there if not all of it finds room.
-        let make = |n: u32| find_folds::found(field, asked[asked.len() - 1 - n as usize], this);
+        let make = |n: u32| find_foldovers::found(field, asked[asked.len() - 1 - n as usize], this);
         in_order(asked.len(), progress, make, |taken: Vec<MergeTarget>| {
             folded.extend(taken);
             Ok(())

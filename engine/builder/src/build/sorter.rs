@@ -1,9 +1,9 @@
 //! Sorting the triangles of a soup within a bound of memory: plain while they fit, then packed, then on disk.
 
 use super::bins::{Binner, SortedRun};
-use super::packed::{FileExtent, PackedCells, PackedRun, spill};
 use super::sorted::{CellStore, SortedPieces};
 use super::soup::Soup;
+use super::spill::{FileExtent, PackedCells, PackedRun, spill};
 use crate::error::Result;
 use crate::lattice::Triangle;
 use crate::part::temporary::TempFile;

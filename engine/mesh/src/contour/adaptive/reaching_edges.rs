@@ -1,10 +1,10 @@
 //! Which edges of a leaf have triangles that reach into the cube of another leaf.
 
 use super::super::field::LevelSet;
-use super::across::CrossLeafMerges;
 use super::bounds::Bounds;
+use super::cross_leaf::CrossLeafMerges;
 use super::edge_box::{EdgeBox, common};
-use super::wanted::EdgesNear;
+use super::edge_filter::EdgesNear;
 use crate::lattice::{BRICK_CELLS, NodeKey};
 
 /// Edges of a leaf about which are all its triangles that reach into the cube of another one that it touches: those in some

@@ -2,7 +2,7 @@
 //!
 //! Triangles of polygons none of whose corners is merged are those of the mesh without a tolerance, which keep apart
 //! ([`super::super::envelope`]). All others, also those without a merged corner of their own, are compared with what
-//! is near them ([`super::room`]).
+//! is near them ([`super::triangle_grid`]).
 //!
 //! Of a pair that meets elsewhere than in common corners the vertices of the largest nodes are given up for what they
 //! are made of, and what has changed is compared again, until no pair is left.
@@ -17,7 +17,7 @@
 //! lie elsewhere: they are kept in memory, and each leaf is told which of them pass through it.
 //!
 //! The triangles of a leaf beside it that reach into its cube are about edges on the cube's border, or a cell away where a
-//! vertex has strayed into the next cell ([`super::strays`]), so no others are made for it.
+//! vertex has strayed into the next cell ([`super::out_of_cell`]), so no others are made for it.
 //!
 //! What changes when a vertex is given up are the polygons with a corner in its node. Their edges lie in the node or on its
 //! border, so they belong to leaves that meet it. What may meet them is about edges no farther away than the nodes there are
@@ -26,13 +26,13 @@
 use super::super::field::LevelSet;
 use super::super::frame::CellFrame;
 use super::super::order::in_order;
-use super::across::{CrossLeafMerges, Merge, MergeTarget};
-use super::beside::edges_beside;
 use super::bounds::{Bounds, TriangleCorners, bounds, meets, wide};
+use super::cross_leaf::{CrossLeafMerges, Merge, MergeTarget};
 use super::edge_box::{EdgeBox, common};
-use super::made::LeafTriangles;
-use super::room::TriangleGrid;
-use super::wanted::{EdgeFilter, EdgesNear, gathered};
+use super::edge_filter::{EdgeFilter, EdgesNear, gathered};
+use super::leaf_triangles::LeafTriangles;
+use super::reaching_edges::edges_beside;
+use super::triangle_grid::TriangleGrid;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey, Octant};
 use crate::progress::Progress;

@@ -4,11 +4,11 @@ use super::super::field::LevelSet;
 use super::super::polygons::{MergeMark, named_facets};
 use super::super::triangle_names::{TriangleNames, each_whole};
 use super::super::vertices::LeafVertices;
-use super::across::{CrossLeafMerges, Merge, MergeTarget, is_wide};
 use super::bounds::{Bounds, bounds};
-use super::names::NONE;
-use super::room::TriangleGrid;
-use super::wanted::EdgeFilter;
+use super::cross_leaf::{CrossLeafMerges, Merge, MergeTarget, is_wide};
+use super::edge_filter::EdgeFilter;
+use super::triangle_grid::TriangleGrid;
+use super::vertex_merge::NONE;
 use crate::error::Result;
 
 /// Triangles of a leaf.

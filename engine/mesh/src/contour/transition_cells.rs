@@ -12,7 +12,7 @@
 
 use super::cells::CellRow;
 use super::envelope::MinimalEdge;
-use super::extras::{self, edge_key, face_key};
+use super::face_vertices::{self, edge_key, face_key};
 use super::field::LevelSet;
 use super::leaves::{ContourLeaf, LeafNeighbour, LeafNeighbours, broken, direction_index, directions};
 use super::planes::HermitePlane;
@@ -49,7 +49,7 @@ pub(super) struct MixedCut {
     /// The same relative to the cell's lower corner, as [`LoopCrossing::key`]: that which enters the run that is cut off, and that
     /// which leaves it.
     keys: [u64; 2],
-    /// Where it has its vertex if it must have one: [`extras::Face::half_way`], or that of several.
+    /// Where it has its vertex if it must have one: [`face_vertices::Face::half_way`], or that of several.
     pub at: [f32; 3],
     /// Whether the face has several cuts, each with a vertex.
     pub is_split: bool,
@@ -348,7 +348,8 @@ impl<'a> TransitionLeaf<'a> {
         if walk.runs.is_empty() {
             return;
         }
-        let in_world = extras::SplitFace::of_level(self.field.root, face.axis, face.corner, face.level);
+        let in_world =
+            face_vertices::SplitFace::of_level(self.field.root, face.axis, face.corner, face.level);
         for &run in &walk.runs {
             let [Some(enter), Some(leave)] = run.map(|place| walk.ring[place].0) else { continue };
             let relative = |c: LoopCrossing| std::array::from_fn(|a| c.lower[a] - face.corner[a]);
