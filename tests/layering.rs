@@ -1,6 +1,8 @@
 //! The order of the rooms, and a few other promises about the source text.
 
 mod circles;
+mod messages;
+mod names;
 
 use std::collections::BTreeSet;
 use std::fs;

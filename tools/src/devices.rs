@@ -1,6 +1,7 @@
 //! Which device computes, if any.
 
 use crate::failure::Failure;
+use crate::options::with_options;
 use crate::units::Size;
 use anyhow::anyhow;
 use brickfield_engine::backend::{DeviceCheck, Vulkan};
@@ -91,7 +92,10 @@ pub fn choose(args: &BackendArgs, memory: Option<Size>, why: Option<&str>) -> Re
     };
     match Gpu::open(&settings) {
         Ok(gpu) => Ok(Chosen::Device(Box::new(Vulkan::new(gpu)))),
-        Err(why) if is_asked_for => Err(anyhow!("--backend vulkan: {why}, or use --backend cpu").into()),
+        Err(why) if is_asked_for => {
+            let why = with_options(&why.to_string());
+            Err(anyhow!("--backend vulkan: {why}, or use --backend cpu").into())
+        }
         Err(why) => Ok(Chosen::Cpu { why: Some(why.what) }),
     }
 }

@@ -34,7 +34,7 @@ mod void_args;
 mod void_table;
 
 use args::{Cli, Command};
-use brickfield_terminal::{failure, interrupt, output, progress, units, work};
+use brickfield_terminal::{failure, interrupt, options, output, progress, units, work};
 use clap::FromArgMatches;
 use failure::Failure;
 use std::ffi::OsString;

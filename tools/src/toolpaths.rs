@@ -2,6 +2,7 @@
 
 use crate::args::BeadsArg;
 use crate::failure::Failure;
+use crate::options::with_options;
 use crate::output::one_line;
 use crate::units::{Length, Unit};
 use brickfield_engine::bead::{Joints, ProfileShape, Sweep, SweepOptions, read_outline};
@@ -267,6 +268,7 @@ pub struct ToolpathReport {
 impl ToolpathReport {
     /// Of one input; `bead_volume` as the chosen section gives it.
     pub fn new(path: String, bead_volume: f64, mut details: GcodeReport) -> ToolpathReport {
+        details.notes.iter_mut().for_each(|found| found.what = with_options(&found.what));
         // Told by this struct, with the section that was asked for.
         details.bead_volume = bead_volume;
         ToolpathReport { path, fed_volume: details.fed_volume, bead_volume, fill: Vec::new(), details }
@@ -330,7 +332,7 @@ impl ToolpathReport {
         let counts = format!("{beads} beads, {segments} segments, {layers} layers");
         let firmware = self.firmware_text();
         let fed = self.fed_text();
-        let machine = one_line(&self.details.machine.text());
+        let machine = one_line(&with_options(&self.details.machine.text()));
         format!(
             "{}: {counts}; {fed}, {:.3} mm³ of beads; firmware {firmware}; {machine}",
             self.path, self.bead_volume
@@ -386,7 +388,7 @@ impl ToolpathReport {
             line("slicer", one_line(slicer));
         }
         line("firmware", one_line(&self.firmware_text()));
-        line("machine", one_line(&details.machine.text()));
+        line("machine", one_line(&with_options(&details.machine.text())));
         let GcodeReport { beads, segments, layers, .. } = details;
         line("beads", format!("{beads}, of {segments} segments, in {layers} layers"));
         if let Some([low, high]) = details.bounds {

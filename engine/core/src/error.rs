@@ -54,7 +54,7 @@ pub enum Error {
     },
     /// A device computed a brick otherwise than the processor.
     #[error(
-        "{device} ({driver}): brick {node} is not what the processor computes; update the driver, or use --backend cpu"
+        "{device} ({driver}): brick {node} is not what the processor computes; update the driver, or use `backend` cpu"
     )]
     Distrusted {
         /// The device's name.

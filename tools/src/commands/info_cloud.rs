@@ -5,6 +5,7 @@ use super::start;
 use crate::args::InfoArgs;
 use crate::clouds::open_clouds;
 use crate::failure::Failure;
+use crate::options::error_with_options;
 use crate::output::{one_line, print, print_json};
 use crate::progress::Bars;
 use crate::units::Size;
@@ -27,8 +28,8 @@ struct Plan {
 impl Plan {
     /// Of a cloud with normals; why there is none otherwise.
     fn of(cloud: CloudInput, bars: &Bars) -> Result<Plan, String> {
-        let surfels: Surfels = surfels(vec![cloud], false, bars).map_err(|error| error.to_string())?;
-        let (cell, depth) = cloud_cells(&surfels).map_err(|error| error.to_string())?;
+        let surfels: Surfels = surfels(vec![cloud], false, bars).map_err(error_with_options)?;
+        let (cell, depth) = cloud_cells(&surfels).map_err(error_with_options)?;
         Ok(Plan { void: surfels.void, spacing: surfels.spacing, cell, depth })
     }
 }

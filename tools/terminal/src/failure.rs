@@ -1,5 +1,6 @@
 //! The ways in which a command ends without success.
 
+use crate::options::error_with_options;
 use brickfield_engine::Error;
 use std::io;
 
@@ -32,7 +33,7 @@ impl From<Error> for Failure {
             return Failure::Interrupted(error.to_string());
         }
         // The engine's messages already end with their cause; as a chain it would be printed twice.
-        Failure::Run(anyhow::Error::msg(error.to_string()))
+        Failure::Run(anyhow::Error::msg(error_with_options(error)))
     }
 }
 

@@ -6,6 +6,7 @@
 pub mod failure;
 pub mod interrupt;
 pub mod memory;
+pub mod options;
 pub mod output;
 pub mod progress;
 pub mod units;

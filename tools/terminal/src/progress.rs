@@ -1,6 +1,7 @@
 //! Progress on standard error: bars where that is a terminal, or JSON lines on request.
 
 use crate::interrupt;
+use crate::options::with_options;
 use crate::output::{note, warn};
 use crate::work::ProgressArg;
 use brickfield_engine::Progress;
@@ -162,12 +163,12 @@ impl Progress for Bars {
 
     fn note(&self, text: &str) {
         if !self.silent {
-            self.bar.read().unwrap_or_else(PoisonError::into_inner).suspend(|| note(text));
+            self.bar.read().unwrap_or_else(PoisonError::into_inner).suspend(|| note(&with_options(text)));
         }
     }
 
     fn warn(&self, text: &str) {
-        self.bar.read().unwrap_or_else(PoisonError::into_inner).suspend(|| warn(text));
+        self.bar.read().unwrap_or_else(PoisonError::into_inner).suspend(|| warn(&with_options(text)));
     }
 
     fn cancelled(&self) -> bool {

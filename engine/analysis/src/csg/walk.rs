@@ -106,7 +106,7 @@ impl Chain<'_> {
         Error::setting(
             format!("{coarse}: its leaf {key} has the boundary of the part, and {fine} is finer there"),
             format!(
-                "build both to one depth, without --max-depth, --boundary-error and --stddev: \
+                "build both to one depth, without `max_depth`, `boundary_error` and `stddev`: \
                  `brickfield build INPUT -o {coarse} --like {fine}`"
             ),
         )

@@ -264,7 +264,7 @@ pub fn fractions(
             let cell = lattices.first().map_or(0.0, Lattice::cell);
             return Err(Error::setting(
                 format!("fractions of cells of {cell:.6} do not fit the memory allowed"),
-                "choose larger cells (--detail), fewer triangles, or more --memory",
+                "choose larger cells (`detail`), fewer triangles, or more `memory`",
             ));
         }
         Ok(())

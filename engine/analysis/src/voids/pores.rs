@@ -117,7 +117,7 @@ pub(super) fn pores(store: &Store, closing: f64, memory: u64, progress: &dyn Pro
     let radius = 0.5 * closing / root.spacing(level);
     if radius + 1.5 > CELLS_MOST as f64 {
         return Err(Error::setting(
-            format!("--closing {closing} is more than {} cells of {}", 2 * CELLS_MOST, root.spacing(level)),
+            format!("`closing` {closing} is more than {} cells of {}", 2 * CELLS_MOST, root.spacing(level)),
             "choose a smaller one",
         ));
     }

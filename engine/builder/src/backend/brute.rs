@@ -22,7 +22,7 @@ pub fn brute_at(
 ) -> Result<Vec<f64>> {
     let failed = |failure: DeviceFailure| {
         let what = format!("{}: {failure}", vulkan.gpu().info().name);
-        Error::setting(what, "use --backend cpu")
+        Error::setting(what, "use `backend` cpu")
     };
     let edge = f64::from(1u32 << ROOT_BITS);
     // Far points see nothing; nearer ones have coordinates that squares and cubes of do not overflow.

@@ -173,7 +173,7 @@ pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress)
     } else if cloud.normals.is_empty() {
         let why = why.map_or_else(String::new, |why| format!(" ({why})"));
         let (what, remedy) =
-            (format!("have no normals{why}"), "add --estimate-normals, or export them with normals");
+            (format!("have no normals{why}"), "add `estimate_normals`, or export them with normals");
         return Err(Error::input(&first, "points", what, remedy));
     }
     let surfels = Surfels::of(&cloud, progress)?;

@@ -148,7 +148,7 @@ impl Limits {
         if index > CERTAIN_OF_MEMORY * self.index {
             let there = amount(self.index);
             return Some(format!(
-                "the index would take about {} and {there} of --memory are left for it",
+                "the index would take about {} and {there} of `memory` are left for it",
                 amount(index)
             ));
         }
@@ -169,7 +169,7 @@ impl Limits {
         let (cell, nearest) = (short(root.spacing(depth)), two_digits_up(root.spacing(fits)));
         let cost = cost(fits);
         let remedy = format!(
-            "--cell {nearest}{unit} takes about {} and {}",
+            "`cell` {nearest}{unit} takes about {} and {}",
             amount(cost.bytes),
             duration(cost.seconds)
         );
@@ -228,7 +228,7 @@ fn coarse(cell: f64, sizes: &BeadSizes) -> Option<String> {
     let between = if name == "width" { "lines side by side" } else { "layers" };
     let suits = two_digits_down(sizes.cell());
     Some(format!(
-        "cells of {} mm are {} times the bead {name} of {} mm: overlaps and gaps between {between} are lost; --cell \
+        "cells of {} mm are {} times the bead {name} of {} mm: overlaps and gaps between {between} are lost; `cell` \
          {suits}mm keeps them",
         short(cell),
         short(cell / least),
@@ -241,8 +241,8 @@ fn implausible(size: [f64; 3], unit: &str) -> Option<String> {
     let mm = millimetres(unit)?;
     let largest = size.into_iter().fold(0.0, f64::max) * mm;
     let (how, remedy) = match largest {
-        _ if largest < PLAUSIBLE.0 => ("small", "--unit in if it is in inches, --unit m if it is in metres"),
-        _ if largest > PLAUSIBLE.1 => ("large", "--unit um if it is in micrometres"),
+        _ if largest < PLAUSIBLE.0 => ("small", "`unit` in if it is in inches, `unit` m if it is in metres"),
+        _ if largest > PLAUSIBLE.1 => ("large", "`unit` um if it is in micrometres"),
         _ => return None,
     };
     let [x, y, z] = size.map(short);
@@ -365,7 +365,7 @@ mod tests {
         let sizes = BeadSizes { height: 0.2, width: 0.45, layer: 0.2 };
         let text = coarse(0.6, &sizes).unwrap();
         assert!(
-            text.contains("0.6 mm are 3 times the bead height of 0.2 mm") && text.contains("--cell 0.076mm"),
+            text.contains("0.6 mm are 3 times the bead height of 0.2 mm") && text.contains("`cell` 0.076mm"),
             "{text}"
         );
         assert_eq!(coarse(0.1, &sizes), None);

@@ -52,7 +52,7 @@ impl OpenSoup {
                     mib(need),
                     mib(memory)
                 ),
-                "allow more with --memory, or close the surface",
+                "allow more with `memory`, or close the surface",
             ));
         }
         Ok(OpenSoup { field, device: device.map(DeviceShares::new) })

@@ -257,7 +257,7 @@ fn outgrown(writer: &mut StoreWriter, index: u64) -> Error {
     let (part, nodes) = writer.unfinished().unwrap_or_default();
     let kib = index >> 10;
     let what = format!("the index of {nodes} nodes has outgrown the {kib} KiB that it may take");
-    Error::store(&part, "index", what, "run the same again with more --memory, which goes on from there")
+    Error::store(&part, "index", what, "run the same again with more `memory`, which goes on from there")
 }
 
 /// A build whose input is known and measured: the store is begun.
@@ -506,7 +506,7 @@ pub(super) fn place_by(
         if !(0..3).all(fits) {
             return Err(Error::setting(
                 format!(
-                    "the input spans {min:?} to {max:?}, and the lattice of --like {:?} to {far:?}",
+                    "the input spans {min:?} to {max:?}, and the lattice of `like` {:?} to {far:?}",
                     root.origin
                 ),
                 "build the larger part first, and the other one like it",
@@ -564,6 +564,6 @@ fn require_open_room(facets: u64, resources: &Resources) -> Result<()> {
             mib(need),
             mib(resources.memory)
         ),
-        "allow more with --memory, or close the surface",
+        "allow more with `memory`, or close the surface",
     ))
 }

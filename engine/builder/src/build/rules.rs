@@ -52,7 +52,7 @@ pub(super) fn require_no_tolerance(tolerance: f64, of: &str) -> Result<()> {
     }
     Err(Error::setting(
         format!("a tolerance is measured against the facets of closed meshes, and not {of}"),
-        "leave --boundary-error out; `mesh --tolerance` merges triangles where the surface is flat",
+        "leave `boundary_error` out; `contour::tolerance` merges triangles where the surface is flat",
     ))
 }
 

@@ -48,7 +48,7 @@ impl ThinDepth {
         }
         Err(Error::setting(
             format!("walls between samples are known of closed meshes and beads, and not {of}"),
-            "leave --max-depth and --thin out, and choose a greater --depth",
+            "leave `max_depth` and `thin` out, and choose a greater `depth`",
         ))
     }
 }

@@ -103,7 +103,7 @@ impl TempFile {
             &self.folder,
             "temporary file",
             format!("about {} MiB are needed and {} MiB are free", mib(bytes), mib(free)),
-            "make room, choose another folder with --temp-dir, or allow more memory with --memory",
+            "make room, choose another folder with `temp_dir`, or allow more memory with `memory`",
         ))
     }
 }
@@ -116,7 +116,7 @@ pub fn require_folder(folder: &Path) -> Result<()> {
     if folder.is_dir() {
         return Ok(());
     }
-    let remedy = "name an existing folder with --temp-dir";
+    let remedy = "name an existing folder with `temp_dir`";
     Err(Error::store(folder, "temporary file", "this is not a folder", remedy))
 }
 

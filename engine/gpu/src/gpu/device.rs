@@ -151,7 +151,7 @@ fn choose(found: &[DeviceInfo], settings: &DeviceSettings) -> Result<usize, Devi
     found.iter().filter(usable).min_by_key(rank).map(|d| d.index).ok_or_else(|| match settings.real {
         true => DeviceUnavailable::new(
             format!("there is no GPU among the Vulkan devices: {list}"),
-            "use --backend vulkan for a software driver",
+            "use `backend` vulkan for a software driver",
         ),
         false => DeviceUnavailable::new(
             format!("no Vulkan device has what is needed: {}", lacks(found)),

@@ -168,7 +168,7 @@ impl Hardware {
 
 /// Says that hardware is of no use.
 pub(super) fn refuse(info: &DeviceInfo, what: String) -> DeviceUnavailable {
-    DeviceUnavailable::new(format!("{}: {what}", info.name), "name another with --device")
+    DeviceUnavailable::new(format!("{}: {what}", info.name), "name another with `device`")
 }
 
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

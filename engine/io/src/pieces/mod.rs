@@ -125,7 +125,7 @@ fn require_memory(facets: u64, vertices: u64, memory: u64) -> Result<()> {
         format!(
             "the pieces of {facets} facets need {need} MiB to be told apart, of the {memory} MiB that there are"
         ),
-        "allow more with --memory, or treat parts of the input separately",
+        "allow more with `memory`, or treat parts of the input separately",
     ))
 }
 

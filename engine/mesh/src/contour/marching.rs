@@ -263,7 +263,7 @@ fn require_one_level(around: &LeafNeighbours, axis: Axis, low: [usize; 3]) -> Re
     }
     Err(Error::setting(
         "marching cubes does not join bricks of different sizes, as they meet at this surface",
-        "leave --method out, or choose a --level at which they have one size",
+        "leave `method` out, or choose a `level` at which they have one size",
     ))
 }
 

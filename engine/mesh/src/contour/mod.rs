@@ -223,7 +223,7 @@ fn vertices(
             numbering.first_vertex.push(u32::try_from(summary.vertices).map_err(|_| {
                 Error::setting(
                     "the mesh has more than 2^32 - 1 vertices",
-                    "write .stl, which does not number them, or choose a coarser level with --level",
+                    "write .stl, which does not number them, or choose a coarser level with `level`",
                 )
             })?);
             while takes_triangles && let Some(next) = numbering.next() {

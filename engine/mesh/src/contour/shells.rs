@@ -65,7 +65,7 @@ impl MeshSink for ShellSink {
         if self.positions.len() as u64 * SHELL_BYTES_A_VERTEX > self.memory {
             return Err(Error::setting(
                 "the shells of so many triangles do not fit the memory allowed",
-                "allow more --memory, or choose a larger --detail",
+                "allow more `memory`, or choose a larger `detail`",
             ));
         }
         Ok(())

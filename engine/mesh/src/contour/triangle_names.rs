@@ -59,7 +59,7 @@ impl TriangleNames {
         if self.is_full || self.places.len() > most {
             return Err(Error::setting(
                 format!("the triangles of one brick have vertices in more than {most} others"),
-                "choose a smaller --tolerance",
+                "choose a smaller `tolerance`",
             ));
         }
         Ok(&self.places)

@@ -110,7 +110,7 @@ impl TriangleSpool {
         if u32::try_from(leaf.count).is_err() {
             return Err(Error::setting(
                 "the triangles of one brick are more than 2^32 - 1",
-                "choose a coarser level with --level",
+                "choose a coarser level with `level`",
             ));
         }
         let (places, count) = (if leaf.count > 0 { places } else { &[] }, leaf.count as u32);

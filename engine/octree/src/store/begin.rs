@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// What to do about an unfinished store that is another's.
 const REMEDY: &str =
-    "give the same input and settings to go on with it; to begin anew add --restart, or remove this file";
+    "give the same input and settings to go on with it; to begin anew add `restart`, or remove this file";
 
 /// Appends commits to a journal, which is made when the first comes: most stores are finished before one is due.
 pub(super) struct JournalWriter {

@@ -28,7 +28,7 @@ const WRITE_BYTES: usize = 1 << 20;
 /// The remedy for what can only be a mistake in the program.
 const BUG: &str = "this is a bug in the program, please report it";
 /// The remedy for what does not fit what an earlier run has left.
-const UNFIT: &str = "the unfinished store was made in another way or is damaged: add --restart to begin anew";
+const UNFIT: &str = "the unfinished store was made in another way or is damaged: add `restart` to begin anew";
 
 /// Writes one store to `FINAL.part`; [`StoreWriter::finish`] gives it its final name. Dropped before that, it
 /// leaves what was committed, with a journal of it, and nothing if nothing was.

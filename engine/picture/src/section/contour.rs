@@ -67,7 +67,7 @@ pub fn contour(
         if whole.points.len() as u64 > points_max {
             return Err(Error::setting(
                 format!("the contour has more than {points_max} points"),
-                "allow more with --memory, or choose a coarser level with --level",
+                "allow more with `memory`, or choose a coarser level with `level`",
             ));
         }
         progress.advance(chunk.len() as u64);

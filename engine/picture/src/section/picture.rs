@@ -145,7 +145,7 @@ impl Grid {
         if !sides.iter().all(|side| *side <= most) {
             return Err(Error::setting(
                 format!("the picture would have {} × {} pixels", sides[0], sides[1]),
-                "choose larger pixels with --pixel, or a number of pixels with --side",
+                "choose larger pixels with `pixel`, or a number of pixels with `side`",
             ));
         }
         let samples = (pixel / cell - 0.01).ceil().clamp(1.0, SAMPLES_MAX);

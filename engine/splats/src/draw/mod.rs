@@ -63,7 +63,7 @@ pub fn draw(discs: &[Disc], options: &DrawOptions, progress: &dyn Progress) -> R
     let size = options.size.map(|side| side * factor);
     if u64::from(size[0]) * u64::from(size[1]) > RAYS_MAX {
         let what = format!("{} × {} rays are more than splats are drawn with", size[0], size[1]);
-        return Err(Error::setting(what, "choose a smaller --size or --supersample"));
+        return Err(Error::setting(what, "choose a smaller `size` or `supersample`"));
     }
     let corners = left_of(options);
     let screen = options.view.screen(options.focus, corners, size)?;

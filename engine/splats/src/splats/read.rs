@@ -17,7 +17,7 @@ pub fn read_bsp(path: &Path, level: Option<u8>, progress: &dyn Progress) -> Resu
     let size = std::fs::metadata(path).map_err(Error::io(path, "read"))?.len();
     if size > BYTES_MAX {
         let what = format!("it has {size} bytes, and files of splats are read up to {BYTES_MAX}");
-        return Err(Error::store(path, "file", what, "write it with a larger --error"));
+        return Err(Error::store(path, "file", what, "write it with a larger `error`"));
     }
     let bytes = std::fs::read(path).map_err(Error::io(path, "read"))?;
     let refused =

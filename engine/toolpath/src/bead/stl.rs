@@ -129,7 +129,7 @@ impl StlBeads {
         if facets > u64::from(u32::MAX) {
             return Err(Error::setting(
                 format!("{}: an STL file cannot hold more than 2^32 - 1 facets", self.part.path().display()),
-                "choose fewer --sides, write .x3d, or write parts of the toolpath to several files",
+                "choose fewer `sides`, write .x3d, or write parts of the toolpath to several files",
             ));
         }
         let origin = DVec3::from(self.origin.unwrap_or_default());

@@ -435,7 +435,7 @@ impl<'a> Reader<'a> {
                 format!("line {}", self.line),
                 format!("moves with tool T{number}, of which nothing is known"),
                 format!(
-                    "give it, as by --tool {number}=flat:6mm, or by a comment (T{number} D=6. CR=0. - flat end mill)"
+                    "give it, as by `tool` {number}=flat:6mm, or by a comment (T{number} D=6. CR=0. - flat end mill)"
                 ),
             ));
         };

@@ -277,7 +277,7 @@ fn a_moebius_strip_stays_as_it_is() {
 fn too_little_memory_is_an_error() {
     let soup = cube(0.0, 1.0);
     let told = study(&[&soup], root(), Consistency::Given, 500, &Silent).unwrap_err().to_string();
-    assert!(told.contains("12 facets") && told.contains("--memory"), "{told}");
+    assert!(told.contains("12 facets") && told.contains("`memory`"), "{told}");
 }
 
 /// Whether a box lies in another.

@@ -140,7 +140,7 @@ impl MeshSink for GlbSink {
         if DATA + self.data_bytes() > u64::from(u32::MAX) {
             return Err(Error::setting(
                 format!("{}: a GLB file cannot hold 4 GiB", self.file.path().display()),
-                "write .ply or choose a coarser level with --level",
+                "write .ply or choose a coarser level with `level`",
             ));
         }
         self.file.append(bytes)

@@ -54,7 +54,7 @@ impl MeshSink for StlSink {
         self.count = count.ok_or_else(|| {
             Error::setting(
                 format!("{}: an STL file cannot hold more than 2^32 - 1 facets", self.file.path().display()),
-                "write .ply or choose a coarser level with --level",
+                "write .ply or choose a coarser level with `level`",
             )
         })?;
         self.file.append(bytes)

@@ -159,7 +159,7 @@ impl MeshSink for ThreeMfSink {
         if self.vertices >= MOST_VERTICES {
             return Err(Error::setting(
                 format!("{}: a 3MF file cannot hold 2^31 vertices", self.path.display()),
-                "write .ply or choose a coarser level with --level",
+                "write .ply or choose a coarser level with `level`",
             ));
         }
         if bytes.is_empty() {

@@ -56,7 +56,7 @@ fn surfaces_across_levels_are_refused() {
     let refused = |tree: &MemoryTree, options| contour(tree, &options, &mut TestMesh::default(), &Silent);
     let uneven = tree(&sphere(5.5), &random_divide(3, (1, 3), 128));
     let message = refused(&uneven, marching(0.5)).unwrap_err().to_string();
-    assert!(message.contains("different sizes") && message.contains("--level"), "{message}");
+    assert!(message.contains("different sizes") && message.contains("`level`"), "{message}");
     // Coarse leaves beside the surface, none of which it meets.
     let shell = |key: NodeKey| {
         let half = root().spacing(key.level()) * 16.0;

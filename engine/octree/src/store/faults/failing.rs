@@ -124,7 +124,7 @@ pub fn go_on_with_another() {
         let settings = vec![("made by".to_owned(), value.to_owned())];
         let begun = StoreWriter::begin(Arc::new(disk.clone()), Path::new(NAME), meta, settings, false);
         let error = begun.err().expect("it is refused").to_string();
-        assert!(error.contains("sim.brf.part: unfinished store") && error.contains("--restart"), "{error}");
+        assert!(error.contains("sim.brf.part: unfinished store") && error.contains("`restart`"), "{error}");
         assert_eq!(disk.files(), files, "what is there stays");
         error
     };

@@ -175,7 +175,7 @@ impl Parser<'_> {
         self.variables.values.get(&key(name)).copied().ok_or_else(|| {
             let shown = quote(name);
             let plain = shown.trim_matches('"');
-            format!("the variable {plain} has no value in the file: give it, as in --variable '{plain}=0'")
+            format!("the variable {plain} has no value in the file: give it, as in `variable` '{plain}=0'")
         })
     }
 }
@@ -204,7 +204,7 @@ mod tests {
             assert!(variables.evaluate(text.as_bytes()).is_err(), "{text}");
         }
         assert!(variables.evaluate(&b"[".repeat(10_000)).is_err());
-        assert!(variables.evaluate(b"#201").unwrap_err().contains("--variable '#201=0'"));
+        assert!(variables.evaluate(b"#201").unwrap_err().contains("`variable` '#201=0'"));
         variables.set(b"#200", None);
         assert!(variables.evaluate(b"#200").is_err());
     }

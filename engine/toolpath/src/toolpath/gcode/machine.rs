@@ -238,9 +238,9 @@ impl<'s, 'k> MachineState<'s, 'k> {
             b'U' | b'V' | b'W' if self.tells_axes => {
                 let axis = char::from(letter);
                 let what = format!(
-                    "{axis} moves and is left out: if it carries layers, say --layer-axis {axis} (its position is \
-                     added to Z) or -{axis} (a table that goes down); if it feeds, --extruder-axis {axis}; if \
-                     neither, --layer-axis none"
+                    "{axis} moves and is left out: if it carries layers, say `layer_axis` {axis} (its position is \
+                     added to Z) or -{axis} (a table that goes down); if it feeds, `extruder_axis` {axis}; if \
+                     neither, `layer_axis` none"
                 );
                 self.beads.report.note(&what, self.line);
             }
@@ -340,7 +340,7 @@ impl<'s, 'k> MachineState<'s, 'k> {
     pub(super) fn set_unit(&mut self, unit: f64) {
         if self.beads.report.machine.unit_source == UnitSource::Option && self.position.unit != unit {
             let what =
-                "the program says its unit by a code (G20, G21), which counts from there on: not --unit";
+                "the program says its unit by a code (G20, G21), which counts from there on: not `unit`";
             self.beads.report.note(what, self.line);
         }
         self.position.unit = unit;

@@ -52,13 +52,13 @@ impl ArchiveMember {
             (None, [(_, name)]) => name,
             (None, _) => {
                 let what = format!("holds the toolpaths of plates {list}");
-                return Err(Error::input(path, "archive", what, "choose one by --plate N"));
+                return Err(Error::input(path, "archive", what, "choose one by `plate` N"));
             }
             (Some(plate), all) => match all.iter().find(|(number, _)| *number == plate) {
                 Some((_, name)) => name,
                 None => {
                     let what = format!("has no plate {plate}, but {list}");
-                    return Err(Error::input(path, "archive", what, "choose one of these by --plate N"));
+                    return Err(Error::input(path, "archive", what, "choose one of these by `plate` N"));
                 }
             },
         };
@@ -161,7 +161,7 @@ mod tests {
         archive(&path, &[("Metadata/plate_1.gcode", TEXT), ("Metadata/plate_2.gcode", &longer)]);
         assert_eq!((laid(&path, Some(1)), laid(&path, Some(2))), (Ok(10.0), Ok(30.0)));
         let said = laid(&path, None).unwrap_err();
-        assert!(said.contains("plates 1, 2; choose one by --plate N"), "{said}");
+        assert!(said.contains("plates 1, 2; choose one by `plate` N"), "{said}");
         let said = laid(&path, Some(3)).unwrap_err();
         assert!(said.contains("has no plate 3, but 1, 2"), "{said}");
         archive(&path, &[("3D/3dmodel.model", "<model/>")]);

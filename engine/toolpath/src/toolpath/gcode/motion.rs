@@ -112,7 +112,7 @@ impl MachineState<'_, '_> {
             true => "relatively, as Klipper and Marlin 1 do; Marlin 2 would count absolutely",
             false => "absolutely, as Marlin 2 does; Klipper and Marlin 1 would count relatively",
         };
-        let what = format!("E is counted {taken} after this G90, G91, M82 and M83: --firmware tells which");
+        let what = format!("E is counted {taken} after this G90, G91, M82 and M83: `firmware` tells which");
         self.beads.report.note(&what, self.line);
     }
 
@@ -251,7 +251,7 @@ impl MachineState<'_, '_> {
             let whole = before + u32::from(is_circle);
             let arc = if is_circle { "full turns" } else { "full turns and the arc" };
             let what = format!(
-                "P{turns} of an arc is read as {whole} {arc}, as RS-274 has it; Marlin adds one: --firmware tells which"
+                "P{turns} of an arc is read as {whole} {arc}, as RS-274 has it; Marlin adds one: `firmware` tells which"
             );
             self.beads.report.note(&what, self.line);
         }

@@ -103,7 +103,7 @@ impl MachineState<'_, '_> {
             } else if word.letter == b'E' {
                 // Known by its sign that it moves nothing.
                 word.letter = b'F';
-                self.beads.report.note("E is left out: another axis feeds, by --extruder-axis", self.line);
+                self.beads.report.note("E is left out: another axis feeds, by `extruder_axis`", self.line);
             }
         }
         Ok(word)

@@ -51,10 +51,10 @@ pub(super) fn check(options: &GcodeOptions) -> Result<()> {
     }
     let (on, off) = (&options.deposit_on, &options.deposit_off);
     if on.is_empty() && !off.is_empty() {
-        return Err(Error::setting("codes switch off, and none switches on", "give --deposit-on, too"));
+        return Err(Error::setting("codes switch off, and none switches on", "give `deposit_on`, too"));
     }
     if off.is_empty() && !on.iter().all(DepositionCode::takes_argument) {
-        return Err(Error::setting("codes switch on, and none switches off", "give --deposit-off, too"));
+        return Err(Error::setting("codes switch on, and none switches off", "give `deposit_off`, too"));
     }
     if options.unit.is_some_and(|unit| !(1e-6..=1e4).contains(&unit)) {
         return Err(Error::setting("the unit is not between 1e-6 and 1e4 mm", "give mm or inches"));
@@ -70,11 +70,11 @@ pub(super) fn check(options: &GcodeOptions) -> Result<()> {
 /// What a user may do about a file in which nothing was deposited.
 pub(super) fn remedy(signs: &ScanFindings) -> String {
     let mut remedy =
-        "give G-code whose moves have E words, or M3 and M5 around them; other codes by --deposit-on and \
-                      --deposit-off"
+        "give G-code whose moves have E words, or M3 and M5 around them; other codes by `deposit_on` and \
+                      `deposit_off`"
             .to_owned();
     if let Some(axis) = signs.rising_axes().first() {
-        remedy += &format!("; if {axis}, which only rises, feeds, say --extruder-axis {axis}");
+        remedy += &format!("; if {axis}, which only rises, feeds, say `extruder_axis` {axis}");
     }
     remedy
 }
@@ -197,8 +197,8 @@ impl ReadPlan {
         if let Some(rival) = self.rival {
             let list = |family: MachineFamily| family.codes().0.join(", ");
             let what = format!(
-                "{} and {} both stand in the file: the first is taken for what deposits; if not, give --deposit-on and \
-                 --deposit-off",
+                "{} and {} both stand in the file: the first is taken for what deposits; if not, give `deposit_on` and \
+                 `deposit_off`",
                 list(self.family),
                 list(rival)
             );
@@ -212,7 +212,7 @@ impl ReadPlan {
             let axis = char::from(letter);
             let what = format!(
                 "{axis} goes to {farthest} and is read as degrees by which the head turns; if it feeds, say \
-                 --extruder-axis {axis}; if it carries layers, --layer-axis {axis} or -{axis}"
+                 `extruder_axis` {axis}; if it carries layers, `layer_axis` {axis} or -{axis}"
             );
             beads.report.note(&what, 0);
         }

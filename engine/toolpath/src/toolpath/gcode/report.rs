@@ -124,7 +124,7 @@ impl MachineReport {
             UnitSource::Assumed => " assumed",
             UnitSource::Code => "",
             UnitSource::Header => " by the header",
-            UnitSource::Option => " by --unit",
+            UnitSource::Option => " by `unit`",
         };
         let dialect = self.dialect.as_ref().map(|name| format!("{name}; ")).unwrap_or_default();
         let lengths = if self.tool_lengths { "; tool length offsets taken for zero" } else { "" };

@@ -170,7 +170,7 @@ impl Layering {
             (height, &mut heights.setting)
         } else {
             let what = "nothing says how high the bead is: no comment, no layer below".to_owned();
-            return Err((what, "give its height in mm with --height"));
+            return Err((what, "give its height in mm with `height`"));
         };
         *source += 1;
         Ok(height)
@@ -206,7 +206,7 @@ impl Layering {
                 }
                 if rate <= 0.0 {
                     let what = "nothing says how wide the bead is: no comment, no E".to_owned();
-                    return Err((what, "give its width in mm with --width"));
+                    return Err((what, "give its width in mm with `width`"));
                 }
                 if width > SIZE_MAX {
                     let what = format!("E feeds {rate:.0} mm³ on each mm, a bead wider than {SIZE_MAX} mm");

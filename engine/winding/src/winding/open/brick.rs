@@ -120,7 +120,7 @@ pub(in crate::winding) fn fixed_point(
 fn too_large(key: NodeKey, w: f64) -> Error {
     Error::setting(
         format!("the winding number reaches {w:.1} in brick {key}, too much for its 16 bits"),
-        "use a larger --gwn-error",
+        "use a larger `gwn_error`",
     )
 }
 

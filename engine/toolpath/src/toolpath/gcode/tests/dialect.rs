@@ -91,7 +91,7 @@ fn chords_keep_to_a_hundredth_of_the_width() {
 #[test]
 fn heads_tilt() {
     let needs = load("gcode/five_axis_ded.gcode", &GcodeOptions::default()).unwrap_err().to_string();
-    assert!(needs.contains("line 6") && needs.contains("--height"), "{needs}");
+    assert!(needs.contains("line 6") && needs.contains("`height`"), "{needs}");
     let options = GcodeOptions { width: Some(3.0), height: Some(1.0), ..GcodeOptions::default() };
     let (report, path) = load("gcode/five_axis_ded.gcode", &options).unwrap();
     assert_eq!((report.beads, report.segments, report.fed_volume), (1, 4, None));
@@ -108,7 +108,7 @@ fn heads_tilt() {
 #[test]
 fn deposition_without_e_is_switched() {
     let needs = load("gcode/large_format.gcode", &GcodeOptions::default()).unwrap_err().to_string();
-    assert!(needs.contains("line 6") && needs.contains("--width"), "{needs}");
+    assert!(needs.contains("line 6") && needs.contains("`width`"), "{needs}");
     let options = GcodeOptions { width: Some(20.0), ..GcodeOptions::default() };
     let (report, path) = load("gcode/large_format.gcode", &options).unwrap();
     assert_eq!((report.beads, report.segments, report.layers), (2, 6, 2));

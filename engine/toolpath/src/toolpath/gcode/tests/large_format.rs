@@ -82,7 +82,7 @@ fn the_axis_of_layers_may_be_given() {
         parse(table(), &GcodeOptions { layer_axis: Some(LayerAxis::NONE), ..SIZES }).unwrap();
     assert_eq!(([0, 1].map(|bead| path.points(bead)[0][2]), report.notes), ([5.0, 5.0], vec![]));
     let (report, _) = parse(table().replace('W', "V"), &SIZES).unwrap();
-    assert!(notes(&report).contains("--layer-axis V"), "{}", notes(&report));
+    assert!(notes(&report).contains("`layer_axis` V"), "{}", notes(&report));
     let both = GcodeOptions {
         layer_axis: Some("W".parse().unwrap()),
         extruder_axis: Some("W".parse().unwrap()),
@@ -151,7 +151,7 @@ fn inches_come_from_the_option_the_header_or_a_code() {
     // What the program says counts.
     let (report, path) = parse(format!("G21\n{mm}"), &GcodeOptions { unit: Some(25.4), ..SIZES }).unwrap();
     assert_eq!((points(&path), report.machine.unit_source), (expected, UnitSource::Code));
-    assert!(notes(&report).contains("not --unit"));
+    assert!(notes(&report).contains("not `unit`"));
     // A cycle of lathes.
     let lathe = parse(format!("G70 P1 Q2\n{mm}"), &SIZES).unwrap().0;
     assert_eq!(lathe.machine.unit_mm, Some(1.0));
@@ -278,11 +278,11 @@ fn any_code_switches_by_option() {
         assert_eq!(report.unknown, [], "{on}");
     }
     let missing = GcodeOptions { deposit_on: marks(&["M7"]), ..SIZES };
-    assert!(parse("G1 X1", &missing).unwrap_err().to_string().contains("--deposit-off"));
+    assert!(parse("G1 X1", &missing).unwrap_err().to_string().contains("`deposit_off`"));
     let missing = GcodeOptions { deposit_off: marks(&["M7"]), ..SIZES };
-    assert!(parse("G1 X1", &missing).unwrap_err().to_string().contains("--deposit-on"));
+    assert!(parse("G1 X1", &missing).unwrap_err().to_string().contains("`deposit_on`"));
     let text = parse(switched("M7", "M9"), &SIZES).unwrap_err().to_string();
-    assert!(text.contains("no move deposited anything") && text.contains("--deposit-on"), "{text}");
+    assert!(text.contains("no move deposited anything") && text.contains("`deposit_on`"), "{text}");
     let two = parse(format!("{}M100\nM101\n", switched("M3 S5", "M5")), &SIZES);
     assert!(two.unwrap_err().to_string().contains("M100 to M101"));
 }
@@ -363,7 +363,7 @@ fn assignments_and_variables() {
         assert_eq!(points(&parse(text, &SIZES).unwrap().1), expected, "{text}");
     }
     for (text, what) in [
-        ("G0 Z[#200]", "--variable '#200=0'"),
+        ("G0 Z[#200]", "`variable` '#200=0'"),
         ("R1=R2*2\nG0 X=R1", "R1 has no value"),
         ("G0 X=IC(5)", "the function"),
         ("G0 X=[1", "closing bracket"),
@@ -399,11 +399,11 @@ fn another_axis_may_feed() {
     // Not guessed, but told.
     let text = "G1 Z2\nG1 X10 A2\nG1 X20 A4\nG1 X30 A5.5\nG1 X40 A9\n";
     let told = parse(text, &SIZES).unwrap_err().to_string();
-    assert!(told.contains("--extruder-axis A"), "{told}");
+    assert!(told.contains("`extruder_axis` A"), "{told}");
     let told = parse(text.replace('A', "W"), &SIZES).unwrap_err().to_string();
-    assert!(told.contains("--extruder-axis W"), "{told}");
+    assert!(told.contains("`extruder_axis` W"), "{told}");
     let told = |axis: char| notes(&parse(format!("G0 Z2\nM3\nG1 X5 {axis}900"), &SIZES).unwrap().0);
-    assert!(told('A').contains("--layer-axis A or -A") && told('C').is_empty());
+    assert!(told('A').contains("`layer_axis` A or -A") && told('C').is_empty());
     let (report, _) = parse("G1 Z2\nM83\nG1 X5 A2 E1", &options("A")).unwrap();
     assert!(notes(&report).contains("E is left out"));
 }
