@@ -62,7 +62,16 @@ const CRATES: [(&str, &[Room]); 14] = [
     ("splats", &[("splats", &[]), ("draw", &["splats"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     // The facade.
-    ("", &[("fuzz", &[]), ("field", &[]), ("octree", &[]), ("builder", &["octree"])]),
+    (
+        "",
+        &[
+            ("fuzz", &[]),
+            ("field", &[]),
+            ("octree", &[]),
+            ("builder", &["octree"]),
+            ("pictures", &["octree"]),
+        ],
+    ),
 ];
 
 /// Names at the root of `core`, with the file that each stands in.

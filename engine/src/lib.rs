@@ -61,6 +61,16 @@
 //! | [`winding`] | winding numbers of one brick, and the sum that judges all others |
 //! | [`gpu`] | a Vulkan device, for [`build::Resources`] and [`render::Caster`] |
 //!
+//! # Features
+//!
+//! All are on by default; what a program does not need, it need not compile.
+//!
+//! | feature | modules |
+//! |---|---|
+//! | `export` | [`export`] |
+//! | `pictures` | [`picture`], [`section`], [`render`]; `Octree::write_slice` and `write_picture` |
+//! | `splats` | [`splats`], [`bsp`], [`draw`]; brings `pictures` |
+//!
 //! An [`Error`] is one line for the user: what went wrong, where, what to do. [`Error::kind`] is for programs. A
 //! [`Progress`] hears of phases and steps, and stops the work by saying that it is cancelled.
 #![forbid(unsafe_code)]
@@ -69,6 +79,8 @@
 mod builder;
 mod field;
 mod octree;
+#[cfg(feature = "pictures")]
+mod pictures;
 
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
@@ -80,15 +92,19 @@ pub use octree::Octree;
 
 pub use brickfield_analysis::{analysis, csg, distance, fraction, machining, voids};
 pub use brickfield_builder::{backend, build, volumes};
+#[cfg(feature = "splats")]
 pub use brickfield_coding::bsp;
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
+#[cfg(feature = "export")]
 pub use brickfield_export::export;
 pub use brickfield_gpu::gpu;
 pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;
 pub use brickfield_octree::{brick, cache, store};
+#[cfg(feature = "pictures")]
 pub use brickfield_picture::{picture, render, section};
+#[cfg(feature = "splats")]
 pub use brickfield_splats::{draw, splats};
 pub use brickfield_toolpath::{bead, milling, toolpath, x3d};
 pub use brickfield_winding::{solid, swept, winding};

@@ -17,10 +17,9 @@
 use super::text::{self, TextLines};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
+use crate::soup::Facet;
 use std::path::Path;
 
-/// The corners of one facet: a text may hold more digits than 32 bits do.
-pub(super) type Facet = [[f64; 3]; 3];
 
 /// What was read of a file.
 #[derive(Debug, Default)]
