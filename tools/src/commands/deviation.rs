@@ -98,7 +98,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         AlignArg::Icp => Align::Rigid,
     };
     let (motion, left) = align(ply.positions(), bounds, reference, how)?;
-    let values = ply.fill(&bars, |world| Ok(reference.opposite(motion.apply(world))?.signed as f32))?;
+    let values =
+        ply.fill(&bars, |(): &mut (), world| Ok(reference.opposite(motion.apply(world))?.signed as f32))?;
     let samples: Vec<[f64; 3]> =
         reference.samples(POINTS_BACK)?.into_iter().map(|point| motion.undo(point)).collect();
     let back = at_points(&samples, &bars, |point| Ok(of_surface(&surface, &sides, point)?.signed))?;

@@ -8,7 +8,7 @@ use crate::table::{Table, TableKind, to_place};
 use anyhow::anyhow;
 use brickfield_engine::analysis::{Covering, beads_at_points};
 use brickfield_engine::contour::{ContourOptions, contour, foresee_triangles};
-use brickfield_engine::distance::thickness::{Method, Options, at_world, thin_regions};
+use brickfield_engine::distance::thickness::{Method, Options, PreviousContact, at_world, thin_regions};
 use brickfield_engine::distance::{Region, ScalarPly, Surface};
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, Store};
@@ -57,8 +57,8 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
         ContourOptions { cache_bytes: (args.surface.memory.0 / 4) as usize, ..ContourOptions::default() };
     contour(&store, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
-    let values = ply.fill(&bars, |world| {
-        let measured = at_world(&surface, world, options)?;
+    let values = ply.fill(&bars, |last: &mut PreviousContact, world| {
+        let measured = at_world(&surface, world, options, last)?;
         Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
     })?;
     let regions = below.map(|below| thin_regions(&surface, options, below, &bars)).transpose()?;

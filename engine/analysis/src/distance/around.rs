@@ -37,6 +37,12 @@ impl Around {
         Around { at, normal, across: frame(normal), sums: [0.0; 3], equations, count: 0 }
     }
 
+    /// Whether a crossing may tell of the place.
+    pub fn is_near(&self, crossing: [f64; 3]) -> bool {
+        let away = minus(crossing, self.at);
+        dot(away, away) < AROUND * AROUND
+    }
+
     /// Adds a crossing, with the normal that its patch has at the place, and the size of its curvatures.
     pub fn add(&mut self, crossing: [f64; 3], turned: [f64; 3], bend: f64) {
         let away = minus(crossing, self.at);

@@ -1,96 +1,266 @@
-//! Boxes around runs of things in Morton order, as a binary tree without pointers: what is far is skipped as a whole.
+//! Boxes around things in Morton order, eight to a node, as a tree without pointers: what is far is skipped as a whole.
+//!
+//! Eight boxes are compared at once, in 32 bits. What is computed so is a bound: rounding makes boxes nearer, never farther.
 
 use crate::error::Result;
 
 /// Least and greatest coordinates.
 pub(super) type Block = [[f32; 3]; 2];
 
-/// Deep enough for 2^32 things.
-const MOST_LEVELS: usize = 64;
+/// Boxes of a node.
+pub(super) const WIDE: usize = 8;
+/// Deep enough for 2^33 things.
+const MOST_LEVELS: usize = 11;
+/// Where boxes of nothing are.
+const FAR: f32 = 1e30;
+/// What rounding may add to the square of a distance, or to a way along a ray, as a part of it.
+const ROUNDING: f32 = 2e-6;
+/// What rounding may add to the difference of two coordinates, as a part of them.
+const DIFFERENCE: f32 = 2.5e-7;
+/// Components of unit normals are counted in such parts.
+const NORMAL_STEPS: f32 = 127.0;
 
 /// Nothing at all.
 const EMPTY: Block = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 
-/// A tree of boxes: node n is above nodes 2n and 2n + 1, and the last level has a box for each run of things.
+/// Least and greatest coordinates of eight boxes.
+#[derive(Clone)]
+pub(super) struct Lanes {
+    low: [[f32; WIDE]; 3],
+    high: [[f32; WIDE]; 3],
+}
+
+/// Least and greatest components of the unit normals in eight boxes, rounded outward.
+#[derive(Clone)]
+pub(super) struct Normals {
+    low: [[i8; WIDE]; 3],
+    high: [[i8; WIDE]; 3],
+}
+
+/// A place that boxes are compared with.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Probe {
+    at: [f32; 3],
+    /// How much nearer boxes may be.
+    nearer: [f32; 3],
+}
+
+/// A tree of boxes.
 pub(super) struct Boxes {
-    nodes: Vec<Block>,
-    /// Boxes of the last level, a power of two.
-    runs: usize,
+    nodes: Vec<Lanes>,
+    /// As many as nodes, or none.
+    normals: Vec<Normals>,
+    /// Where the nodes of each level begin; those of the first have runs of things below them.
+    levels: Vec<usize>,
     /// Things in a run.
     per_run: usize,
     things: usize,
+    whole: Block,
+}
+
+/// What a search asks of boxes and of things.
+pub(super) trait Question {
+    /// How near eight boxes are: infinite where nothing in them counts.
+    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE];
+
+    /// Whether what is so near still counts, which what was found decides.
+    fn counts(&self, nearness: f32) -> bool;
+
+    /// Looks at a thing.
+    fn visit(&mut self, thing: usize) -> Result<()>;
+}
+
+#[inline]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+impl Probe {
+    /// A place, for boxes whose coordinates are at most `size` large.
+    pub fn new(at: [f64; 3], size: f32) -> Probe {
+        let at = at.map(|c| c as f32);
+        Probe { at, nearer: at.map(|c| (c.abs() + size) * DIFFERENCE) }
+    }
+}
+
+impl Lanes {
+    const NONE: Lanes = Lanes { low: [[FAR; WIDE]; 3], high: [[FAR; WIDE]; 3] };
+
+    /// Bounds of the squares of distances from a place; infinite from `limit` on.
+    #[inline]
+    pub fn squared_from(&self, probe: &Probe, limit: f32) -> [f32; WIDE] {
+        let mut squares = [0.0; WIDE];
+        for a in 0..3 {
+            let (at, nearer) = (probe.at[a], probe.nearer[a]);
+            for (n, square) in squares.iter_mut().enumerate() {
+                let beside = larger(self.low[a][n] - at, at - self.high[a][n]);
+                let apart = larger(beside - nearer, 0.0);
+                *square += apart * apart;
+            }
+        }
+        squares.map(|square| {
+            let least = square * (1.0 - ROUNDING);
+            if least < limit { least } else { f32::INFINITY }
+        })
+    }
+
+    /// Bounds of where a ray enters, infinite where it does not before `limit`. `over` are reciprocals of the direction.
+    #[inline]
+    pub fn entered(&self, probe: &Probe, over: [f32; 3], limit: f32) -> [f32; WIDE] {
+        let (mut enter, mut leave) = ([0.0; WIDE], [limit; WIDE]);
+        for a in 0..3 {
+            let (at, nearer, over) = (probe.at[a], probe.nearer[a], over[a]);
+            for n in 0..WIDE {
+                let p = (self.low[a][n] - nearer - at) * over;
+                let q = (self.high[a][n] + nearer - at) * over;
+                enter[n] = larger(enter[n], smaller(p, q));
+                leave[n] = smaller(leave[n], larger(p, q));
+            }
+        }
+        std::array::from_fn(|n| {
+            let least = enter[n] * (1.0 - ROUNDING);
+            if least <= leave[n] * (1.0 + ROUNDING) { least } else { f32::INFINITY }
+        })
+    }
+}
+
+/// Reciprocals of a direction, finite where it has no component.
+pub(super) fn reciprocals(toward: [f64; 3]) -> [f32; 3] {
+    toward.map(|c| 1.0 / if c.abs() < 1e-20 { 1e-20f64.copysign(c) } else { c } as f32)
+}
+
+impl Normals {
+    const NONE: Normals = Normals { low: [[i8::MAX; WIDE]; 3], high: [[i8::MIN; WIDE]; 3] };
+
+    /// Bounds of the cosines between the normals and a unit vector, from below.
+    #[inline]
+    pub fn least_cosines(&self, with: [f32; 3]) -> [f32; WIDE] {
+        let mut sums = [0.0; WIDE];
+        for (a, with) in with.into_iter().enumerate() {
+            for (n, sum) in sums.iter_mut().enumerate() {
+                *sum += smaller(f32::from(self.low[a][n]) * with, f32::from(self.high[a][n]) * with);
+            }
+        }
+        sums.map(|sum| sum * (1.0 / NORMAL_STEPS) - ROUNDING)
+    }
 }
 
 impl Boxes {
     /// Around things in order, of which neighbours should be near.
     pub fn new(things: impl ExactSizeIterator<Item = Block>, per_run: usize) -> Boxes {
         let count = things.len();
-        let runs = count.div_ceil(per_run).next_power_of_two();
-        let mut nodes = vec![EMPTY; 2 * runs];
+        let mut runs = vec![EMPTY; count.div_ceil(per_run)];
         for (n, block) in things.enumerate() {
-            let node = &mut nodes[runs + n / per_run];
-            *node = united(node, &block);
+            runs[n / per_run] = united(&runs[n / per_run], &block);
         }
-        for n in (1..runs).rev() {
-            nodes[n] = united(&nodes[2 * n], &nodes[2 * n + 1]);
+        let (mut nodes, mut levels) = (Vec::new(), Vec::new());
+        while levels.is_empty() || runs.len() > 1 {
+            levels.push(nodes.len());
+            nodes.extend(runs.chunks(WIDE).map(lanes));
+            runs = runs.chunks(WIDE).map(|blocks| blocks.iter().fold(EMPTY, |a, b| united(&a, b))).collect();
         }
-        Boxes { nodes, runs, per_run, things: count }
+        debug_assert!(levels.len() <= MOST_LEVELS);
+        let whole = runs.first().copied().unwrap_or(EMPTY);
+        Boxes { nodes, normals: Vec::new(), levels, per_run, things: count, whole }
+    }
+
+    /// With least and greatest components of the unit normals of each thing.
+    pub fn with_normals(mut self, things: impl ExactSizeIterator<Item = Block>) -> Boxes {
+        let mut runs = vec![EMPTY; self.things.div_ceil(self.per_run)];
+        for (n, block) in things.enumerate() {
+            runs[n / self.per_run] = united(&runs[n / self.per_run], &block);
+        }
+        for _ in 0..self.levels.len() {
+            self.normals.extend(runs.chunks(WIDE).map(normals));
+            runs = runs.chunks(WIDE).map(|blocks| blocks.iter().fold(EMPTY, |a, b| united(&a, b))).collect();
+        }
+        self
     }
 
     /// The box around all.
     pub fn whole(&self) -> Block {
-        self.nodes[1]
+        self.whole
+    }
+
+    /// The largest coordinate.
+    pub fn size(&self) -> f32 {
+        self.whole
+            .as_flattened()
+            .iter()
+            .fold(0.0, |most, c| if c.abs() < FAR { most.max(c.abs()) } else { most })
     }
 
     /// Heap bytes.
     pub fn heap_bytes(&self) -> usize {
-        self.nodes.len() * size_of::<Block>()
+        self.nodes.len() * size_of::<Lanes>() + self.normals.len() * size_of::<Normals>()
     }
 
-    /// Shows `visit` all things that may count, those in near boxes first. `bound` tells how near a box is, or `None` where
-    /// nothing in it can count any more, which what was found decides.
-    pub fn search<S>(
-        &self,
-        state: &mut S,
-        bound: impl Fn(&S, &Block) -> Option<f64>,
-        mut visit: impl FnMut(&mut S, usize) -> Result<()>,
-    ) -> Result<()> {
-        let mut stack = [0usize; MOST_LEVELS];
-        let mut depth = 1;
-        stack[0] = 1;
-        while depth > 0 {
-            depth -= 1;
-            let node = stack[depth];
-            // What was found since may exclude it.
-            if bound(state, &self.nodes[node]).is_none() {
+    /// Shows a question all things that may count, those in near boxes first.
+    pub fn search(&self, question: &mut impl Question) -> Result<()> {
+        if self.things == 0 { Ok(()) } else { self.look(self.levels.len() - 1, 0, question) }
+    }
+
+    fn look(&self, level: usize, node: usize, question: &mut impl Question) -> Result<()> {
+        let at = self.levels[level] + node;
+        let nearness = question.nearness(&self.nodes[at], self.normals.get(at));
+        let mut order = [(0.0f32, 0u8); WIDE];
+        let mut found = 0;
+        for (slot, &near) in nearness.iter().enumerate() {
+            if near == f32::INFINITY {
                 continue;
             }
-            if node >= self.runs {
-                let first = (node - self.runs) * self.per_run;
-                for thing in first..(first + self.per_run).min(self.things) {
-                    visit(state, thing)?;
-                }
+            let mut place = found;
+            while place > 0 && order[place - 1].0 > near {
+                order[place] = order[place - 1];
+                place -= 1;
+            }
+            order[place] = (near, slot as u8);
+            found += 1;
+        }
+        for &(near, slot) in &order[..found] {
+            // What was found since may exclude it, and then all that are farther.
+            if !question.counts(near) {
+                break;
+            }
+            let below = node * WIDE + usize::from(slot);
+            if level > 0 {
+                self.look(level - 1, below, question)?;
                 continue;
             }
-            let below = [2 * node, 2 * node + 1];
-            match below.map(|n| bound(state, &self.nodes[n])) {
-                [None, None] => {}
-                [Some(_), None] => push(&mut stack, &mut depth, below[0]),
-                [None, Some(_)] => push(&mut stack, &mut depth, below[1]),
-                [Some(a), Some(b)] => {
-                    let (near, far) = if b < a { (below[1], below[0]) } else { (below[0], below[1]) };
-                    push(&mut stack, &mut depth, far);
-                    push(&mut stack, &mut depth, near);
-                }
+            let first = below * self.per_run;
+            for thing in first..(first + self.per_run).min(self.things) {
+                question.visit(thing)?;
             }
         }
         Ok(())
     }
 }
 
-fn push(stack: &mut [usize; MOST_LEVELS], depth: &mut usize, node: usize) {
-    stack[*depth] = node;
-    *depth += 1;
+fn lanes(blocks: &[Block]) -> Lanes {
+    let mut lanes = Lanes::NONE;
+    for (n, [low, high]) in blocks.iter().enumerate() {
+        for a in 0..3 {
+            (lanes.low[a][n], lanes.high[a][n]) = (low[a], high[a]);
+        }
+    }
+    lanes
+}
+
+fn normals(blocks: &[Block]) -> Normals {
+    let mut normals = Normals::NONE;
+    for (n, [low, high]) in blocks.iter().enumerate() {
+        for a in 0..3 {
+            // Conversion saturates.
+            normals.low[a][n] = (low[a] * NORMAL_STEPS).floor() as i8;
+            normals.high[a][n] = (high[a] * NORMAL_STEPS).ceil() as i8;
+        }
+    }
+    normals
 }
 
 fn united(a: &Block, b: &Block) -> Block {
@@ -110,61 +280,119 @@ pub(super) fn block_of(points: impl Iterator<Item = [f64; 3]>, wider: f64) -> Bl
     [low.map(|c| ((c - wider) as f32).next_down()), high.map(|c| ((c + wider) as f32).next_up())]
 }
 
-/// The square of the distance of a point from a box.
-#[inline]
-pub(super) fn squared_from(block: &Block, point: [f64; 3]) -> f64 {
-    let apart = |a: usize| {
-        let (low, high) = (f64::from(block[0][a]), f64::from(block[1][a]));
-        (low - point[a]).max(point[a] - high).max(0.0)
-    };
-    let [x, y, z] = [apart(0), apart(1), apart(2)];
-    x * x + y * y + z * z
-}
-
-/// Where a ray enters a box, if it does between two places along it. `over` are reciprocals of the direction.
-#[inline]
-pub(super) fn entered(block: &Block, from: [f64; 3], over: [f64; 3], [least, most]: [f64; 2]) -> Option<f64> {
-    let (mut enter, mut leave) = (least, most);
-    for a in 0..3 {
-        let (p, q) =
-            ((f64::from(block[0][a]) - from[a]) * over[a], (f64::from(block[1][a]) - from[a]) * over[a]);
-        // Zero by infinity is no number, which neither `min` nor `max` takes.
-        enter = enter.max(p.min(q));
-        leave = leave.min(p.max(q));
-    }
-    (enter <= leave).then_some(enter)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lattice::mix;
+    use crate::lattice::{dot, minus, mix};
 
     fn random(n: u64) -> f64 {
         (mix(n.wrapping_mul(0x9e37_79b9_7f4a_7c15)) >> 11) as f64 / (1u64 << 53) as f64
     }
 
+    /// The nearest of points whose normals are turned far enough.
+    struct NearestPoint<'a> {
+        points: &'a [[f64; 3]],
+        normals: &'a [[f64; 3]],
+        from: [f64; 3],
+        probe: Probe,
+        best: f64,
+        visits: usize,
+    }
+
+    const TURNED: f64 = 0.2;
+
+    impl Question for NearestPoint<'_> {
+        fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
+            let mut near = boxes.squared_from(&self.probe, (self.best as f32).next_up());
+            let cosines = normals.unwrap().least_cosines([0.0, 0.6, 0.8]);
+            for n in 0..WIDE {
+                near[n] = if f64::from(cosines[n]) > TURNED { f32::INFINITY } else { near[n] };
+            }
+            near
+        }
+
+        fn counts(&self, nearness: f32) -> bool {
+            f64::from(nearness) <= self.best
+        }
+
+        fn visit(&mut self, thing: usize) -> Result<()> {
+            self.visits += 1;
+            if dot(self.normals[thing], [0.0, 0.6, 0.8]) <= TURNED {
+                let away = minus(self.points[thing], self.from);
+                self.best = self.best.min(dot(away, away));
+            }
+            Ok(())
+        }
+    }
+
     #[test]
     fn nothing_near_is_skipped() {
-        for count in [1usize, 2, 3, 7, 100] {
-            let points: Vec<[f64; 3]> =
-                (0..count).map(|n| [0, 1, 2].map(|a| random(3 * n as u64 + a))).collect();
-            let boxes = Boxes::new(points.iter().map(|p| block_of(std::iter::once(*p), 0.0)), 4);
+        for (count, far) in [(1usize, 0.0), (2, 0.0), (3, 0.0), (7, 0.0), (100, 0.0), (1000, 3000.0)] {
+            let some = |n: usize, k: u64| [0, 1, 2].map(|a| random(3 * n as u64 + a + k));
+            let points: Vec<[f64; 3]> = (0..count).map(|n| some(n, 0).map(|c| c + far)).collect();
+            let unit = |v: [f64; 3]| v.map(|c| c / dot(v, v).sqrt());
+            let normals: Vec<[f64; 3]> = (0..count).map(|n| unit(some(n, 99_991).map(|c| c - 0.5))).collect();
+            let blocks = |points: &[[f64; 3]]| -> Vec<Block> {
+                points.iter().map(|p| block_of(std::iter::once(*p), 0.0)).collect()
+            };
+            let boxes = Boxes::new(blocks(&points).into_iter(), 1).with_normals(blocks(&normals).into_iter());
+            let mut visits = 0;
             for n in 0..50 {
-                let from = [0, 1, 2].map(|a| 2.0 * random(7000 + 3 * n + a) - 0.5);
+                let from = [0, 1, 2].map(|a| 2.0 * random(7000 + 3 * n + a) - 0.5 + far);
+                let expected =
+                    points.iter().zip(&normals).filter(|(_, n)| dot(**n, [0.0, 0.6, 0.8]) <= TURNED);
                 let squared = |p: &[f64; 3]| (0..3).map(|a| (p[a] - from[a]).powi(2)).sum::<f64>();
-                let mut best = f64::INFINITY;
-                let bound = |best: &f64, block: &Block| {
-                    Some(squared_from(block, from)).filter(|squared| squared <= best)
+                let expected = expected.map(|(p, _)| squared(p)).fold(f64::INFINITY, f64::min);
+                let probe = Probe::new(from, boxes.size());
+                let mut question = NearestPoint {
+                    points: &points,
+                    normals: &normals,
+                    from,
+                    probe,
+                    best: f64::INFINITY,
+                    visits: 0,
                 };
-                boxes
-                    .search(&mut best, bound, |best, n| {
-                        *best = best.min(squared(&points[n]));
-                        Ok(())
-                    })
-                    .unwrap();
-                let expected = points.iter().map(squared).fold(f64::INFINITY, f64::min);
-                assert_eq!(best, expected);
+                boxes.search(&mut question).unwrap();
+                assert!((question.best - expected).abs() <= 1e-12 * expected || question.best == expected);
+                visits += question.visits;
+            }
+            assert!(count < 1000 || visits < 50 * count / 10, "{visits}");
+        }
+    }
+
+    #[test]
+    fn rays_enter_what_they_pass() {
+        let blocks: Vec<Block> = (0..500u64)
+            .map(|n| {
+                let low = [0, 1, 2].map(|a| (100.0 * random(7 * n + a)) as f32);
+                [low, [0usize, 1, 2].map(|a| low[a] + (4.0 * random(7 * n + 3 + a as u64)) as f32)]
+            })
+            .collect();
+        for n in 0..200u64 {
+            let from = [0, 1, 2].map(|a| 100.0 * random(90_001 + 6 * n + a));
+            let mut toward = [0, 1, 2].map(|a| random(90_004 + 6 * n + a) - 0.5);
+            if n % 5 == 0 {
+                toward[n as usize % 3] = 0.0;
+            }
+            let length = dot(toward, toward).sqrt();
+            let toward = toward.map(|c| c / length);
+            for (m, block) in blocks.iter().enumerate() {
+                let (mut enter, mut leave) = (0.0f64, 60.0f64);
+                for a in 0..3 {
+                    let [p, q] = [0, 1].map(|e: usize| (f64::from(block[e][a]) - from[a]) / toward[a]);
+                    (enter, leave) = (enter.max(p.min(q)), leave.min(p.max(q)));
+                }
+                let probe = Probe::new(from, 104.0);
+                let found = lanes(&blocks[m..=m]).entered(&probe, reciprocals(toward), 60.0);
+                if enter <= leave {
+                    assert!(
+                        f64::from(found[0]) <= enter && found[0] >= enter as f32 - 1e-3,
+                        "{enter} {found:?}"
+                    );
+                } else {
+                    assert!(enter - leave < 1e-2 || found[0] == f32::INFINITY);
+                }
+                assert!(found[1..].iter().all(|f| *f == f32::INFINITY));
             }
         }
     }

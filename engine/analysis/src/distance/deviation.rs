@@ -162,7 +162,7 @@ pub fn at_points(
     number: impl Fn([f64; 3]) -> Result<f64> + Sync,
 ) -> Result<Vec<f32>> {
     progress.phase("distances", Some(points.len() as u64), "points");
-    numbers(points, progress, |p| Ok(number(p)? as f32), |_, _| Ok(()))
+    numbers(points, progress, |(): &mut (), p| Ok(number(p)? as f32), |_, _| Ok(()))
 }
 
 impl Spread {
@@ -208,7 +208,7 @@ pub fn regions_beyond(
     (motion, within): (Motion, f64),
     progress: &dyn Progress,
 ) -> Result<[Vec<Region>; 2]> {
-    let value = |patch: &PatchInfo| {
+    let value = |(): &mut (), patch: &PatchInfo| {
         let value = reference.opposite(motion.apply(part.to_world(patch.at)))?.signed;
         Ok((value.abs() > within).then_some((value, None)))
     };

@@ -10,7 +10,8 @@
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
 //! | `sides` | inside or outside, by samples |
-//! | `surface` | all patches: nearest points, rays, balls |
+//! | `surface` | all patches |
+//! | `questions` | nearest points, normals, rays, balls |
 //! | `around` | normals of surfaces with facets |
 //! | `thickness` | thickness of walls, width of gaps |
 //! | `offset` | offsets and shells as stores |
@@ -29,6 +30,7 @@ mod numbers;
 pub mod offset;
 mod patch;
 mod piece;
+mod questions;
 mod regions;
 mod scalar_ply;
 mod sides;

@@ -244,6 +244,13 @@ impl Patch {
         0.5 * (0..ring.len()).map(twice).sum::<f64>()
     }
 
+    /// How far normals within the patch may be from that at the crossing: a slope is the tangent of an angle, and what unit
+    /// vectors differ by is less.
+    pub fn turn(&self) -> f32 {
+        let [xx, xy, yy] = self.bend;
+        (xx * xx + 2.0 * xy * xy + yy * yy).sqrt() * self.radius
+    }
+
     fn height(&self, [x, y]: [f64; 2]) -> (f64, [f64; 2]) {
         let [xx, xy, yy] = self.bend.map(f64::from);
         let slope = [xx * x + xy * y, xy * x + yy * y];
@@ -270,14 +277,37 @@ impl Patch {
             return reach > 0.0 && reach * reach > within;
         }
         let beside = (square - height * height).max(0.0).sqrt();
+        // By how much the quadratic form comes nearer beside its crossing: its larger bend towards the place.
         let [xx, xy, yy] = self.bend.map(f64::from);
-        let bend = 1.0 - height.abs() * (xx * xx + 2.0 * xy * xy + yy * yy).sqrt();
+        let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+        let bend = 1.0 - (height * mean + height.abs() * (half * half + xy * xy).sqrt());
         let least = if bend > 0.0 && beside <= bend * radius {
             -beside * beside / bend
         } else {
             (bend * radius - 2.0 * beside) * radius
         };
         square + least > within
+    }
+
+    /// Whether the quadratic form is certainly farther than the square `within` from a place in the frame of the crossing: as
+    /// far as the circle around all corners, along each of its principal directions by itself.
+    fn bent_is_beyond(&self, [x, y]: [f64; 2], z: f64, within: f64) -> bool {
+        let radius = f64::from(self.radius);
+        let [xx, xy, yy] = self.bend.map(f64::from);
+        let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+        let turn = (half * half + xy * xy).sqrt().max(f64::MIN_POSITIVE);
+        // Squares of what the place is beside the crossing along both.
+        let square = x * x + y * y;
+        let first = (0.5 * (square + ((x * x - y * y) * half + 2.0 * x * y * xy) / turn)).clamp(0.0, square);
+        let least = |bend: f64, square: f64| {
+            let (bend, beside) = (1.0 - z * bend, square.sqrt());
+            if bend > 0.0 && beside <= bend * radius {
+                -square / bend
+            } else {
+                (bend * radius - 2.0 * beside) * radius
+            }
+        };
+        square + z * z + least(mean + turn, first) + least(mean - turn, square - first) > within
     }
 
     /// The point that is nearest to `from`, if it is as near as the square `within`.
@@ -297,6 +327,7 @@ impl Patch {
                 let on = std::array::from_fn(|a| at[a] + x[0] * u[a] + x[1] * v[a]);
                 Touch { squared, at: on, normal }
             }
+            Shape::Bent if self.bent_is_beyond(x0, z0, within) => return None,
             Shape::Bent => {
                 let (squared, x) = self.nearest_bent(ring, x0, z0);
                 self.on_bent(x, squared, (at, normal, u, v))

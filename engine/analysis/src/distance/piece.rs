@@ -1,14 +1,15 @@
-//! The patches of one leaf, with boxes around runs of them.
+//! The patches of one leaf, with boxes around them.
 
 use super::boxes::{Block, Boxes, block_of};
 use super::patch::{Crossing, Patch, Shape};
+use super::surface::Place;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::EdgeFacet;
 use crate::lattice::{Axis, NodeKey, RootCube, morton};
 use std::collections::HashMap;
 
-/// Patches in a run.
-const RUN: usize = 4;
+/// Patches in a box.
+const RUN: usize = 1;
 /// Bytes of a patch and of a corner in a file.
 const PATCH_BYTES: usize = 47;
 const CORNER_BYTES: usize = 12;
@@ -94,8 +95,20 @@ impl Piece {
             let points = patch.corners(&self.rings).chain(std::iter::once(patch.at.map(f64::from)));
             block_of(points, if patch.shape == Shape::Bent { highest + 1e-4 } else { 1e-5 })
         };
-        self.boxes = Boxes::new(self.patches.iter().map(block), RUN);
+        let normals = self.patches.iter().map(normals);
+        self.boxes = Boxes::new(self.patches.iter().map(block), RUN).with_normals(normals);
         self
+    }
+
+    /// A patch of this piece.
+    pub fn patch(&self, place: Place) -> &Patch {
+        &self.patches[place.patch as usize]
+    }
+
+    /// Least and greatest components of all normals.
+    pub fn normals(&self) -> Block {
+        let ends = self.patches.iter().flat_map(normals);
+        block_of(ends.map(|end| end.map(f64::from)), 0.0)
     }
 
     /// The box of all, in cells from the root's first sample.
@@ -162,6 +175,11 @@ impl Piece {
         }
         Some(Piece { base, patches, rings, boxes: Boxes::new(std::iter::empty(), RUN) }.boxed())
     }
+}
+
+/// Least and greatest components of the normals within a patch.
+fn normals(patch: &Patch) -> Block {
+    [-1.0, 1.0].map(|sign| patch.normal.map(|c| (c + sign * patch.turn()).clamp(-1.0, 1.0)))
 }
 
 /// The corners of the polygon that triangles make up, in order.

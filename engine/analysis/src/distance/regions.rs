@@ -44,22 +44,23 @@ pub struct Region {
     pub patches: u64,
 }
 
-/// The patches of a surface that have a value that counts, with what lies opposite, in Morton order.
+/// The patches of a surface that have a value that counts, with what lies opposite, in Morton order. `value` may keep something
+/// from one patch to the next of a leaf.
 ///
 /// # Errors
 /// What reading the surface and `value` give; [`crate::error::Error::Interrupted`].
-pub(super) fn marked(
+pub(super) fn marked<L: Default>(
     surface: &Surface,
     progress: &dyn Progress,
-    value: impl Fn(&PatchInfo) -> Result<Option<(f64, Option<Place>)>> + Sync,
+    value: impl Fn(&mut L, &PatchInfo) -> Result<Option<(f64, Option<Place>)>> + Sync,
 ) -> Result<Vec<Marked>> {
     let (leaves, cell) = (surface.leaves().len(), surface.cell());
     progress.phase("regions", Some(leaves as u64), "bricks");
     let make = |_: &mut (), leaf: usize| {
         progress.check()?;
-        let mut found = Vec::new();
+        let (mut found, mut last) = (Vec::new(), L::default());
         for (n, patch) in surface.patches_of(leaf)?.into_iter().enumerate() {
-            if let Some((value, opposite)) = value(&patch)? {
+            if let Some((value, opposite)) = value(&mut last, &patch)? {
                 found.push(Marked {
                     place: Place { leaf: leaf as u32, patch: n as u32 },
                     at: surface.to_world(patch.at),

@@ -62,10 +62,10 @@ impl ScalarPly {
     ///
     /// # Errors
     /// What `number` and writing give.
-    pub fn fill(
+    pub fn fill<L: Default>(
         mut self,
         progress: &dyn Progress,
-        number: impl Fn([f64; 3]) -> Result<f32> + Sync,
+        number: impl Fn(&mut L, [f64; 3]) -> Result<f32> + Sync,
     ) -> Result<Vec<f32>> {
         let positions = std::mem::take(&mut self.positions);
         progress.phase(self.property, Some(positions.len() as u64), "vertices");
@@ -75,7 +75,7 @@ impl ScalarPly {
         let numbers = numbers(
             &positions,
             progress,
-            |p| number(p.map(f64::from)),
+            |last, p| number(last, p.map(f64::from)),
             |positions, numbers| {
                 bytes.clear();
                 for (position, number) in positions.iter().zip(numbers) {

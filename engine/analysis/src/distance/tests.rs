@@ -1,6 +1,6 @@
 //! The kernel against formulas, in trees whose samples and crossings are those of a formula.
 
-use super::thickness::{Method, Options, at};
+use super::thickness::{Method, Options, PreviousContact, at};
 use super::*;
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube, dot, minus};
@@ -158,9 +158,10 @@ fn thickness(shape: Shape<'_>, options: Options, truth: impl Fn([f64; 3]) -> f64
     let tree = tree(shape);
     let surface = surface(&tree);
     let (mut relative, mut excess) = (Vec::new(), 0.0f64);
+    let mut last = PreviousContact::default();
     for leaf in 0..surface.leaves().len() {
         for patch in surface.patches_of(leaf).unwrap() {
-            let measured = at(&surface, patch.at, patch.normal, options).unwrap();
+            let measured = at(&surface, (patch.at, patch.normal), options, &mut last).unwrap();
             let expected = truth(surface.to_world(patch.at));
             let error = (measured.value - expected).abs();
             relative.push(error / expected);
@@ -233,6 +234,7 @@ fn balls_in_an_ellipsoid_whose_centres_lie_on_its_axis() {
     let surface = surface(&tree);
     let options = Options { method: Method::Sphere { separation: 0.0 }, gaps: false };
     let (mut relative, mut excess) = (Vec::new(), 0.0f64);
+    let mut last = PreviousContact::default();
     for leaf in 0..surface.leaves().len() {
         for patch in surface.patches_of(leaf).unwrap() {
             let place = surface.to_world(patch.at);
@@ -241,7 +243,7 @@ fn balls_in_an_ellipsoid_whose_centres_lie_on_its_axis() {
             if z.abs() > 15.0 {
                 continue;
             }
-            let measured = at(&surface, patch.at, patch.normal, options).unwrap();
+            let measured = at(&surface, (patch.at, patch.normal), options, &mut last).unwrap();
             let error = (measured.value - truth(place)).abs();
             relative.push(error / truth(place));
             excess = excess.max(error - 0.005 * truth(place));

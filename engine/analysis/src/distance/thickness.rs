@@ -54,18 +54,26 @@ fn farthest(surface: &Surface) -> f64 {
     2.0 * surface.root().edge / surface.cell()
 }
 
+/// What bounded the ball at the point before: of points in order it often bounds the next one.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PreviousContact(Option<Place>);
+
 /// At a point of the surface with its outward unit normal, in cells.
 ///
 /// # Errors
 /// What reading the surface gives.
-pub fn at(surface: &Surface, place: [f64; 3], outward: [f64; 3], options: Options) -> Result<Measured> {
+pub fn at(
+    surface: &Surface,
+    (place, outward): ([f64; 3], [f64; 3]),
+    options: Options,
+    last: &mut PreviousContact,
+) -> Result<Measured> {
     let outward = surface.normal_around(place, outward)?;
     let toward = if options.gaps { outward } else { outward.map(|c| -c) };
     let most = farthest(surface);
-    let through = surface.ray(place, toward, most, !options.gaps)?;
     match options.method {
         Method::Ray => {
-            let Some(hit) = through else {
+            let Some(hit) = surface.ray(place, toward, most, !options.gaps)? else {
                 // Near an edge a ray may pass between two patches that do not quite meet. A ball does not.
                 let apart = BESIDE.to_radians().cos();
                 let (radius, contact) = surface.ball(BallAt { at: place, toward, outward }, most, apart)?;
@@ -82,13 +90,20 @@ pub fn at(surface: &Surface, place: [f64; 3], outward: [f64; 3], options: Option
         }
         Method::Sphere { separation } => {
             let apart = separation.to_radians().cos();
-            let counts = |hit: &Foot| dot(hit.normal, outward) <= apart;
-            // What the ray meets bounds the ball, so that it starts small.
-            let seed = through.filter(counts);
-            let radius = seed.map_or(most, |hit| 0.5 * hit.distance);
             let touch = BallAt { at: place, toward, outward };
-            let (radius, contact) = surface.ball(touch, radius, apart)?;
-            let Some(bound) = contact.or(seed) else { return Ok(NOTHING) };
+            let mut begin = (most, None);
+            if let Some(patch) = last.0 {
+                begin = surface.ball_before(touch, most, apart, patch)?;
+            }
+            if begin.1.is_none() {
+                // What a ray meets bounds the ball, too, so that it starts small.
+                let through = surface.ray(place, toward, most, !options.gaps)?;
+                let seed = through.filter(|hit: &Foot| dot(hit.normal, outward) <= apart);
+                begin = (seed.map_or(most, |hit| 0.5 * hit.distance), seed);
+            }
+            let (radius, contact) = surface.ball(touch, begin.0, apart)?;
+            let Some(bound) = contact.or(begin.1) else { return Ok(NOTHING) };
+            last.0 = Some(bound.place);
             Ok(Measured { value: 2.0 * radius, opposite: Some(bound.place), is_confirmed: true })
         }
     }
@@ -98,9 +113,14 @@ pub fn at(surface: &Surface, place: [f64; 3], outward: [f64; 3], options: Option
 ///
 /// # Errors
 /// What reading the surface gives.
-pub fn at_world(surface: &Surface, world: [f64; 3], options: Options) -> Result<Option<Measured>> {
+pub fn at_world(
+    surface: &Surface,
+    world: [f64; 3],
+    options: Options,
+    last: &mut PreviousContact,
+) -> Result<Option<Measured>> {
     let Some(foot) = surface.closest(surface.to_cells(world), REACH)? else { return Ok(None) };
-    let measured = at(surface, foot.at, foot.normal, options)?;
+    let measured = at(surface, (foot.at, foot.normal), options, last)?;
     Ok(Some(Measured { value: measured.value * surface.cell(), ..measured }))
 }
 
@@ -116,8 +136,8 @@ pub fn thin_regions(
     progress: &dyn Progress,
 ) -> Result<Vec<Region>> {
     surface.require_any()?;
-    let value = |patch: &PatchInfo| {
-        let measured = at(surface, patch.at, patch.normal, options)?;
+    let value = |last: &mut PreviousContact, patch: &PatchInfo| {
+        let measured = at(surface, (patch.at, patch.normal), options, last)?;
         let value = measured.value * surface.cell();
         Ok((value < below).then_some((value, measured.opposite)))
     };

@@ -1,6 +1,6 @@
 //! The triangles of a mesh, found by place: exact distances, and signs by winding numbers.
 
-use super::boxes::{Boxes, block_of, entered, squared_from};
+use super::boxes::{Boxes, Lanes, Normals, Probe, Question, WIDE, block_of, reciprocals};
 use super::patch::nearest_of_triangle;
 use crate::error::{Error, Result};
 use crate::lattice::{cross, dot, minus, mix, morton};
@@ -94,32 +94,19 @@ impl Triangles {
 
     /// The nearest point, of several triangles at an edge that of the one that sees the place best.
     pub fn nearest(&self, from: [f64; 3]) -> Nearest {
-        let mut best =
-            (f64::INFINITY, -1.0, Nearest { at: [0.0; 3], normal: [0.0; 3], distance: f64::INFINITY });
-        let near =
-            |best: &(f64, f64, Nearest), squared: f64| (squared <= best.0 * (1.0 + TIE)).then_some(squared);
-        let found = self.boxes.search(
-            &mut best,
-            |best, block| near(best, squared_from(block, from)),
-            |best, n| {
-                let corners = self.corners[n].map(|c| c.map(f64::from));
-                let at = nearest_of_triangle(from, corners);
-                let away = minus(from, at);
-                let squared = dot(away, away);
-                if squared > best.0 * (1.0 + TIE) {
-                    return Ok(());
-                }
-                let Some(normal) = area_normal(&self.corners[n]) else { return Ok(()) };
-                let distance = squared.sqrt();
-                let aligned = dot(away, normal).abs() / distance.max(f64::MIN_POSITIVE);
-                if squared < best.0 * (1.0 - TIE) || aligned > best.1 {
-                    *best = (best.0.min(squared), aligned, Nearest { at, normal, distance });
-                }
-                Ok(())
-            },
-        );
+        let none = Nearest { at: [0.0; 3], normal: [0.0; 3], distance: f64::INFINITY };
+        let probe = Probe::new(from, self.boxes.size());
+        let mut near = NearestOf {
+            corners: &self.corners,
+            from,
+            probe,
+            within: f64::INFINITY,
+            aligned: -1.0,
+            best: none,
+        };
+        let found = self.boxes.search(&mut near);
         debug_assert!(found.is_ok());
-        best.2
+        near.best
     }
 
     /// The distance from the mesh, below 0 inside: where w ≥ 1 of a closed one, else behind the nearest triangle. With the
@@ -135,19 +122,12 @@ impl Triangles {
 
     /// The winding number by the triangles that a ray passes; `None` if it passes an edge.
     fn winding(&self, from: [f64; 3], toward: [f64; 3]) -> Option<i32> {
-        let over = toward.map(|c| 1.0 / c);
-        let mut count = Some(0);
-        let found = self.boxes.search(
-            &mut count,
-            |count, block| count.and_then(|_| entered(block, from, over, [0.0, f64::INFINITY])),
-            |count, n| {
-                let [a, b, c] = self.corners[n].map(|c| c.map(f64::from));
-                *count = count.and_then(|w| Some(w + passed(from, toward, [a, b, c])?));
-                Ok(())
-            },
-        );
+        let probe = Probe::new(from, self.boxes.size());
+        let over = reciprocals(toward);
+        let mut passed = Passed { corners: &self.corners, from, toward, probe, over, count: Some(0) };
+        let found = self.boxes.search(&mut passed);
         debug_assert!(found.is_ok());
-        count
+        passed.count
     }
 
     /// Points of the mesh: corners of triangles, and points spread evenly by area, at most so many of each.
@@ -176,6 +156,75 @@ impl Triangles {
             }
         }
         points
+    }
+}
+
+/// The nearest point of triangles.
+struct NearestOf<'a> {
+    corners: &'a [[[f32; 3]; 3]],
+    from: [f64; 3],
+    probe: Probe,
+    /// The square of the least distance.
+    within: f64,
+    /// How well the best one sees the place: the cosine between its normal and the way to the place.
+    aligned: f64,
+    best: Nearest,
+}
+
+impl Question for NearestOf<'_> {
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
+        boxes.squared_from(&self.probe, ((self.within * (1.0 + TIE)) as f32).next_up())
+    }
+
+    #[inline]
+    fn counts(&self, nearness: f32) -> bool {
+        f64::from(nearness) <= self.within * (1.0 + TIE)
+    }
+
+    fn visit(&mut self, thing: usize) -> Result<()> {
+        let at = nearest_of_triangle(self.from, self.corners[thing].map(|c| c.map(f64::from)));
+        let away = minus(self.from, at);
+        let squared = dot(away, away);
+        if squared > self.within * (1.0 + TIE) {
+            return Ok(());
+        }
+        let Some(normal) = area_normal(&self.corners[thing]) else { return Ok(()) };
+        let distance = squared.sqrt();
+        let aligned = dot(away, normal).abs() / distance.max(f64::MIN_POSITIVE);
+        if squared < self.within * (1.0 - TIE) || aligned > self.aligned {
+            (self.aligned, self.best) = (aligned, Nearest { at, normal, distance });
+        }
+        self.within = self.within.min(squared);
+        Ok(())
+    }
+}
+
+/// The winding number by the triangles that a ray passes; `None` if it passes an edge.
+struct Passed<'a> {
+    corners: &'a [[[f32; 3]; 3]],
+    from: [f64; 3],
+    toward: [f64; 3],
+    probe: Probe,
+    over: [f32; 3],
+    count: Option<i32>,
+}
+
+impl Question for Passed<'_> {
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
+        boxes.entered(&self.probe, self.over, f32::INFINITY)
+    }
+
+    #[inline]
+    fn counts(&self, _: f32) -> bool {
+        self.count.is_some()
+    }
+
+    fn visit(&mut self, thing: usize) -> Result<()> {
+        let corners = self.corners[thing].map(|c| c.map(f64::from));
+        self.count = self.count.and_then(|w| Some(w + passed(self.from, self.toward, corners)?));
+        Ok(())
     }
 }
 

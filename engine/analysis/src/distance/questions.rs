@@ -1,0 +1,312 @@
+//! What is asked of the patches of a surface: the nearest point, the normal around, where a ray passes, how large a ball is.
+
+use super::around::{AROUND, Around};
+use super::boxes::{Lanes, Normals, Probe, Question, WIDE, reciprocals};
+use super::patch::{Patch, Shape, Touch};
+use super::piece::Piece;
+use super::surface::{BallAt, Foot, Place};
+use crate::error::Result;
+use crate::lattice::{dot, minus};
+
+/// Feet that are as near as this part of their squares are equally near: of a crease, found from its two sides.
+const TIE: f64 = 2e-6;
+/// The least depth of a point below the tangent plane, in cells, at which it bounds a ball that touches the plane on the same
+/// side of the part: nearer ones tell nothing but errors.
+const SHALLOW: f64 = 0.3;
+/// Rays begin so many cells from their points.
+const LEAVE: f64 = 1e-3;
+/// A bent patch that reaches into a ball by less than so many cells and such a part of its radius does not shrink it: all that
+/// touch the ball within a tube would be asked else. Of a ball whose contact is turned by a right angle and more the diameter
+/// is right to twice this.
+const INTO: f64 = 5e-4;
+const INTO_PART: f64 = 2e-4;
+
+/// Something to ask of all patches.
+pub(super) trait PatchQuestion {
+    /// Boxes are counted from `base` from now on, and their coordinates are at most `size` large.
+    fn count_from(&mut self, base: [f64; 3], size: f32);
+
+    /// See [`Question::nearness`].
+    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE];
+
+    /// See [`Question::counts`].
+    fn counts(&self, nearness: f32) -> bool;
+
+    /// Looks at a patch.
+    fn visit(&mut self, piece: &Piece, place: Place);
+}
+
+/// A question to the patches of one piece.
+pub(super) struct OfPiece<'a, Q> {
+    pub piece: &'a Piece,
+    pub leaf: u32,
+    pub question: &'a mut Q,
+}
+
+impl<Q: PatchQuestion> Question for OfPiece<'_, Q> {
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
+        self.question.nearness(boxes, normals)
+    }
+
+    #[inline]
+    fn counts(&self, nearness: f32) -> bool {
+        self.question.counts(nearness)
+    }
+
+    #[inline]
+    fn visit(&mut self, thing: usize) -> Result<()> {
+        self.question.visit(self.piece, Place { leaf: self.leaf, patch: thing as u32 });
+        Ok(())
+    }
+}
+
+/// A limit in 32 bits that excludes nothing.
+fn limit(most: f64) -> f32 {
+    (most as f32).next_up()
+}
+
+/// The nearest point.
+pub(super) struct Nearest {
+    from: [f64; 3],
+    probe: Probe,
+    /// The square of the least distance found, or allowed.
+    within: f64,
+    pub best: Option<Foot>,
+    /// How well the best one sees the place: the cosine between its normal and the way to the place.
+    aligned: f64,
+}
+
+impl Nearest {
+    pub fn new(from: [f64; 3], within: f64) -> Nearest {
+        Nearest { from, probe: Probe::default(), within: within * within, best: None, aligned: -1.0 }
+    }
+
+    fn take(&mut self, touch: Touch, local: [f64; 3], base: [f64; 3], place: Place) {
+        let away = minus(local, touch.at);
+        let distance = touch.squared.max(0.0).sqrt();
+        let side = dot(away, touch.normal);
+        let aligned = side.abs() / distance.max(f64::MIN_POSITIVE);
+        let is_nearer = self.best.is_none() || touch.squared < self.within * (1.0 - TIE);
+        if is_nearer || aligned > self.aligned {
+            let at = std::array::from_fn(|a| touch.at[a] + base[a]);
+            self.aligned = aligned;
+            let best = Foot { at, normal: touch.normal, distance, inside: side < 0.0, place };
+            self.best = Some(best);
+        }
+        self.within = self.within.min(touch.squared);
+    }
+}
+
+impl PatchQuestion for Nearest {
+    fn count_from(&mut self, base: [f64; 3], size: f32) {
+        self.probe = Probe::new(minus(self.from, base), size);
+    }
+
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
+        boxes.squared_from(&self.probe, limit(self.within * (1.0 + TIE)))
+    }
+
+    #[inline]
+    fn counts(&self, nearness: f32) -> bool {
+        f64::from(nearness) <= self.within * (1.0 + TIE)
+    }
+
+    fn visit(&mut self, piece: &Piece, place: Place) {
+        let local = minus(self.from, piece.base);
+        let within = self.within * (1.0 + TIE);
+        if let Some(touch) = piece.patch(place).nearest(&piece.rings, local, within) {
+            self.take(touch, local, piece.base, place);
+        }
+    }
+}
+
+/// The normal around a place.
+pub(super) struct NormalAround {
+    at: [f64; 3],
+    probe: Probe,
+    pub around: Around,
+}
+
+impl NormalAround {
+    pub fn new(at: [f64; 3], normal: [f64; 3]) -> NormalAround {
+        NormalAround { at, probe: Probe::default(), around: Around::new(at, normal) }
+    }
+}
+
+impl PatchQuestion for NormalAround {
+    fn count_from(&mut self, base: [f64; 3], size: f32) {
+        self.probe = Probe::new(minus(self.at, base), size);
+    }
+
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
+        boxes.squared_from(&self.probe, limit(AROUND * AROUND))
+    }
+
+    #[inline]
+    fn counts(&self, _: f32) -> bool {
+        true
+    }
+
+    fn visit(&mut self, piece: &Piece, place: Place) {
+        let patch = piece.patch(place);
+        let crossing = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
+        if self.around.is_near(crossing) {
+            let turned = patch.normal_at(minus(self.at, crossing));
+            let [xx, xy, yy] = patch.bend.map(f64::from);
+            self.around.add(crossing, turned, (xx * xx + 2.0 * xy * xy + yy * yy).sqrt());
+        }
+    }
+}
+
+/// Where a ray first passes the surface.
+pub(super) struct Ray {
+    from: [f64; 3],
+    toward: [f64; 3],
+    over: [f32; 3],
+    probe: Probe,
+    outward: bool,
+    most: f64,
+    pub first: Option<Foot>,
+}
+
+impl Ray {
+    pub fn new(from: [f64; 3], toward: [f64; 3], most: f64, outward: bool) -> Ray {
+        Ray { from, toward, over: reciprocals(toward), probe: Probe::default(), outward, most, first: None }
+    }
+}
+
+impl PatchQuestion for Ray {
+    fn count_from(&mut self, base: [f64; 3], size: f32) {
+        self.probe = Probe::new(minus(self.from, base), size);
+    }
+
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
+        boxes.entered(&self.probe, self.over, limit(self.most))
+    }
+
+    #[inline]
+    fn counts(&self, nearness: f32) -> bool {
+        f64::from(nearness) <= self.most
+    }
+
+    fn visit(&mut self, piece: &Piece, place: Place) {
+        let local = minus(self.from, piece.base);
+        let ray = (local, self.toward);
+        let met = piece.patch(place).met(&piece.rings, ray, [LEAVE, self.most], self.outward);
+        if let Some((distance, normal)) = met {
+            let at = along(self.from, self.toward, distance);
+            self.most = distance;
+            self.first = Some(Foot { at, normal, distance, inside: self.outward, place });
+        }
+    }
+}
+
+/// The largest ball that touches a place and holds no surface.
+///
+/// A ball shrinks to what lies in it (Ma, Bae & Choi 2012). What lies beyond a box that the ball does not reach never bounds
+/// it, since smaller balls lie within larger ones.
+pub(super) struct Ball {
+    at: [f64; 3],
+    toward: [f64; 3],
+    outward: [f64; 3],
+    apart: f64,
+    pub radius: f64,
+    centre: [f64; 3],
+    pub contact: Option<Foot>,
+    base: [f64; 3],
+    size: f32,
+    probe: Probe,
+}
+
+impl Ball {
+    /// Not larger than `most`; surface whose normal is turned by less than `apart`, a cosine, does not count.
+    pub fn new(BallAt { at, toward, outward }: BallAt, most: f64, apart: f64) -> Ball {
+        let (base, size) = ([0.0; 3], 0.0);
+        let centre = along(at, toward, most);
+        let probe = Probe::default();
+        Ball { at, toward, outward, apart, radius: most, centre, contact: None, base, size, probe }
+    }
+
+    /// The square of the distance from the centre below which a patch shrinks the ball.
+    fn within(&self, shape: Shape) -> f64 {
+        let least = match shape {
+            Shape::Bent => (self.radius * (1.0 - INTO_PART) - INTO).max(0.0),
+            Shape::Plane | Shape::Rough => self.radius,
+        };
+        least * least
+    }
+
+    /// Shrinks until the patch has no point in it.
+    fn shrink(&mut self, piece: &Piece, patch: &Patch, place: Place) {
+        const STEPS: usize = 8;
+        let local = minus(self.at, piece.base);
+        for _ in 0..STEPS {
+            let centre = minus(self.centre, piece.base);
+            let Some(touch) = patch.nearest(&piece.rings, centre, self.within(patch.shape)) else { return };
+            let away = minus(touch.at, local);
+            let depth = dot(away, self.toward);
+            let facing = dot(touch.normal, self.outward);
+            if facing > self.apart || depth <= 0.0 || (facing > 0.0 && depth < SHALLOW) {
+                return;
+            }
+            let radius = 0.5 * dot(away, away) / depth;
+            if radius >= self.radius * (1.0 - 1e-12) {
+                return;
+            }
+            let at = std::array::from_fn(|a| touch.at[a] + piece.base[a]);
+            let distance = dot(away, away).sqrt();
+            self.contact = Some(Foot { at, normal: touch.normal, distance, inside: true, place });
+            let is_done = radius > self.radius * (1.0 - 1e-7);
+            self.radius = radius;
+            self.centre = along(self.at, self.toward, radius);
+            if is_done {
+                return;
+            }
+        }
+    }
+}
+
+impl PatchQuestion for Ball {
+    fn count_from(&mut self, base: [f64; 3], size: f32) {
+        (self.base, self.size) = (base, size);
+        self.probe = Probe::new(minus(self.centre, base), size);
+    }
+
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
+        let mut near = boxes.squared_from(&self.probe, limit(self.radius * self.radius));
+        if let Some(normals) = normals.filter(|_| near.iter().any(|near| near.is_finite())) {
+            let cosines = normals.least_cosines(self.outward.map(|c| c as f32));
+            for (near, cosine) in near.iter_mut().zip(cosines) {
+                *near = if f64::from(cosine) > self.apart { f32::INFINITY } else { *near };
+            }
+        }
+        near
+    }
+
+    /// The centre may have moved since, so that boxes have to be asked again.
+    #[inline]
+    fn counts(&self, _: f32) -> bool {
+        true
+    }
+
+    fn visit(&mut self, piece: &Piece, place: Place) {
+        let patch = piece.patch(place);
+        if dot(patch.normal.map(f64::from), self.outward) - f64::from(patch.turn()) > self.apart {
+            return;
+        }
+        let radius = self.radius;
+        self.shrink(piece, patch, place);
+        if self.radius != radius {
+            self.probe = Probe::new(minus(self.centre, self.base), self.size);
+        }
+    }
+}
+
+fn along(at: [f64; 3], toward: [f64; 3], length: f64) -> [f64; 3] {
+    std::array::from_fn(|a| at[a] + length * toward[a])
+}
