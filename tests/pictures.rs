@@ -6,7 +6,7 @@ use brickfield_engine::Silent;
 use brickfield_engine::build::{TreeOptions, build_in_memory};
 use brickfield_engine::lattice::{Axis, NodeKey, RootCube};
 use brickfield_engine::render::{
-    Cut, Focus, Paint, Ray, RenderOptions, Scene, Stops, Style, Surface, View, Volume,
+    CutPlane, Focus, IsoSurface, Paint, Ray, RenderOptions, Scene, Stops, Style, View, VolumeStyle,
 };
 use brickfield_engine::section::{Contour, ContourLimits, Plane, contour, straighten};
 use brickfield_engine::store::{BrickTree, MemoryTree, Refine};
@@ -224,7 +224,7 @@ fn points_are_bounded() {
     assert!(error.contains("more than 39 points") && error.contains("--memory"), "{error}");
 }
 
-fn options(style: fn() -> Style, view: View, cuts: Vec<Cut>) -> RenderOptions {
+fn options(style: fn() -> Style, view: View, cuts: Vec<CutPlane>) -> RenderOptions {
     RenderOptions {
         style: style(),
         cuts,
@@ -351,7 +351,7 @@ fn a_wall_between_the_samples_of_coarse_levels_is_drawn_all_the_same() {
 fn cuts_and_boxes_open_the_part_where_they_say() {
     let tree = tree(&soup(&icosphere(5, 10.0)), depth(2));
     let half = cell(&tree) / 2.0;
-    let cut = Cut { axis: Axis::Z, at: 2.5, above: true };
+    let cut = CutPlane { axis: Axis::Z, at: 2.5, above: true };
     let view = View::named("top").unwrap();
     let mut caps = 0;
     for (ray, found) in depth_map(&tree, &options(Style::solid, view, vec![cut])) {
@@ -364,7 +364,7 @@ fn cuts_and_boxes_open_the_part_where_they_say() {
         }
     }
     assert!(caps > 1000);
-    let nothing = vec![cut, Cut { axis: Axis::Z, at: 3.0, above: false }];
+    let nothing = vec![cut, CutPlane { axis: Axis::Z, at: 3.0, above: false }];
     let error = Scene::new(&tree, &options(Style::solid, view, nothing)).err().unwrap().to_string();
     assert!(error.contains("leave nothing"), "{error}");
 }
@@ -375,7 +375,7 @@ fn a_cavity_that_is_cut_open_is_as_deep_as_it_is() {
     hollow.extend(soup(&icosphere(5, 6.0)).into_iter().map(|[a, b, c]| [a, c, b]));
     let tree = tree(&hollow, depth(2));
     let half = cell(&tree) / 2.0;
-    let cut = Cut { axis: Axis::Z, at: 1.0, above: true };
+    let cut = CutPlane { axis: Axis::Z, at: 1.0, above: true };
     let view = View { azimuth: 25.0, elevation: 70.0, opening: 20.0 };
     let (mut caps, mut walls) = (0, 0);
     for (ray, found) in depth_map(&tree, &options(Style::solid, view, vec![cut])) {
@@ -446,7 +446,7 @@ fn neither_threads_nor_memory_show() {
     let tree = tree(&both, depth(3));
     for (name, style) in Style::NAMED {
         let view = View { azimuth: 20.0, elevation: 30.0, opening: 25.0 };
-        let cut = Cut { axis: Axis::Y, at: -5.0, above: false };
+        let cut = CutPlane { axis: Axis::Y, at: -5.0, above: false };
         let some = RenderOptions { size: [203, 101], ..options(style, view, vec![cut]) };
         let one = pixels(&tree, &some, 1);
         assert_eq!(one.len(), 203 * 101);
@@ -475,7 +475,7 @@ fn a_scene_of_other_options_takes_over_what_it_can() {
     let made = scene.summary().made;
     assert!(made > 0);
     // From the other side, closer, cut open: all that the eye meets is there, or is made once.
-    let cut = Cut { axis: Axis::Z, at: 2.0, above: true };
+    let cut = CutPlane { axis: Axis::Z, at: 2.0, above: true };
     let focus = Some(Focus { centre: [1.0, 0.0, 0.0], height: 9.0 });
     let view = View { azimuth: -40.0, elevation: 30.0, opening: 20.0 };
     let same = scene.with(&first).unwrap();
@@ -489,7 +489,7 @@ fn a_scene_of_other_options_takes_over_what_it_can() {
         let expected = drawn(&Scene::new(&tree, &other).unwrap());
         assert!(drawn(&scene.with(&other).unwrap()) == expected, "{other:?}");
     }
-    let nothing = RenderOptions { cuts: vec![Cut { at: -50.0, ..cut }], ..first.clone() };
+    let nothing = RenderOptions { cuts: vec![CutPlane { at: -50.0, ..cut }], ..first.clone() };
     let nowhere = RenderOptions { focus: Some(Focus { centre: [0.0; 3], height: f64::NAN }), ..first };
     assert!(scene.with(&nothing).is_err() && scene.with(&nowhere).is_err());
 }
@@ -498,14 +498,15 @@ fn a_scene_of_other_options_takes_over_what_it_can() {
 fn rays_meet_surfaces_in_their_order_and_haze_between() {
     let tree = two_boxes();
     let view = View::named("front").unwrap();
-    let pane = |w: f64, colour: [u8; 3]| Surface {
+    let pane = |w: f64, colour: [u8; 3]| IsoSurface {
         w,
         paint: Paint::Plain(colour),
         opacity: 0.5,
         rim: 0.0,
         shaded: false,
     };
-    let style = |surfaces: Vec<Surface>, volume: Option<Volume>| Style { surfaces, volume, ..Style::solid() };
+    let style =
+        |surfaces: Vec<IsoSurface>, volume: Option<VolumeStyle>| Style { surfaces, volume, ..Style::solid() };
     let middle = |style: Style| {
         let options = RenderOptions { style, ..options(Style::solid, view, vec![]) };
         pixels(&tree, &options, 2)[36 * 96 + 48]
@@ -522,7 +523,7 @@ fn rays_meet_surfaces_in_their_order_and_haze_between() {
     // Whichever comes first in the style.
     assert_eq!(panes, middle(style(vec![pane(1.5, blue), pane(0.5, red)], None)));
     // Four units of a haze of a tenth a unit, seen where w is 2; cells at its border count in part.
-    let green = Volume {
+    let green = VolumeStyle {
         opacity: Stops::new(vec![(1.5, [0.1]), (2.5, [0.1])]).unwrap(),
         colour: Stops::new(vec![(2.0, [0.0, 255.0, 0.0])]).unwrap(),
         shaded: false,
@@ -532,7 +533,7 @@ fn rays_meet_surfaces_in_their_order_and_haze_between() {
     let [r, g, b, _] = middle(style(vec![], Some(green.clone())));
     assert!((f64::from(r) - left).abs() < 8.0 && r == b && g == 255, "{r} {g} {b} for {left}");
     // An opaque surface behind it ends it.
-    let [r, _, b, _] = middle(style(vec![Surface::opaque(1.5, Paint::Plain(red))], Some(green)));
+    let [r, _, b, _] = middle(style(vec![IsoSurface::opaque(1.5, Paint::Plain(red))], Some(green)));
     assert!(r > 40 && b < 60, "{r} {b}");
 }
 

@@ -2,7 +2,7 @@
 //!
 //!     cargo run --release -p brickfield-engine --example picture -- part.brf
 
-use brickfield_engine::render::{Cut, RenderOptions, Scene, Style, View, write_frame};
+use brickfield_engine::render::{CutPlane, RenderOptions, Scene, Style, View, write_frame};
 use brickfield_engine::{Axis, Error, Octree, Result, Silent};
 use std::path::Path;
 
@@ -12,7 +12,7 @@ fn main() -> Result<()> {
     let view = View::named("iso").ok_or_else(|| Error::setting("there is no such view", "choose another"))?;
     let options = RenderOptions {
         style: Style::overlap(),
-        cuts: vec![Cut { axis: Axis::X, at: (low[0] + high[0]) / 2.0, above: true }],
+        cuts: vec![CutPlane { axis: Axis::X, at: (low[0] + high[0]) / 2.0, above: true }],
         size: [800, 600],
         ..RenderOptions::of([low, high], View { opening: 30.0, ..view })
     };

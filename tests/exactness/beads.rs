@@ -8,7 +8,7 @@ use brickfield_bench_data::Rng;
 use brickfield_bench_data::judge::mesh::check;
 use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
-use brickfield_engine::analysis::{Covering, beads_at_points, sample_at, volume};
+use brickfield_engine::analysis::{CoveringPass, beads_at_points, sample_at, volume};
 use brickfield_engine::bead::{Sweep, SweepOptions, SweptToolpath};
 use brickfield_engine::brick::{Brick, Count};
 use brickfield_engine::build::{
@@ -279,7 +279,7 @@ fn stores_are_sound_tell_beads_apart_and_do_not_depend_on_threads() {
     let (mut covered, mut told_lines) = (0, 0);
     for ((point, beads), w) in points.iter().zip(&beads).zip(samples) {
         // Where a pass follows another of its bead both are named, and may count once.
-        let follows = |pair: &[Covering]| {
+        let follows = |pair: &[CoveringPass]| {
             pair[0].number + 1 == pair[1].number
                 && tables.bead_of(pair[0].number).0 == tables.bead_of(pair[1].number).0
         };

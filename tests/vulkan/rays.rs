@@ -12,7 +12,8 @@ use brickfield_engine::gpu::{DeviceFailure, InjectedFailure, Stage};
 use brickfield_engine::ingest::Facets;
 use brickfield_engine::lattice::{Axis, RootCube};
 use brickfield_engine::render::{
-    Caster, CasterReport, Cut, Focus, Paint, RenderOptions, Scene, Stops, Style, Surface, View, Volume,
+    Caster, CasterReport, CutPlane, Focus, IsoSurface, Paint, RenderOptions, Scene, Stops, Style, View,
+    VolumeStyle,
 };
 use brickfield_engine::store::{BrickTree, MemoryTree};
 use std::time::Instant;
@@ -67,10 +68,10 @@ fn options(part: &Part, style: Style, opening: f64) -> RenderOptions {
 }
 
 /// Cuts through the middle of a part: across z, and a corner of it.
-fn cuts(part: &Part) -> Vec<Vec<Cut>> {
+fn cuts(part: &Part) -> Vec<Vec<CutPlane>> {
     let at = |axis: Axis, share: f64| {
         let [low, high] = part.bounds.map(|corner| corner[axis.index()]);
-        Cut { axis, at: low + share * (high - low), above: axis == Axis::Z }
+        CutPlane { axis, at: low + share * (high - low), above: axis == Axis::Z }
     };
     vec![vec![], vec![at(Axis::Z, 0.55)], vec![at(Axis::Z, 0.713), at(Axis::Y, 0.3), at(Axis::X, 0.41)]]
 }
@@ -164,18 +165,22 @@ fn beads_of_a_toolpath_look_alike() {
 fn styles_of_ones_own_look_alike() {
     let part = part(&pile(), 3);
     let device = open(0);
-    let pane = |w: f64, shaded| Surface { w, paint: Paint::Counted, opacity: 0.2, rim: 0.5, shaded };
+    let pane = |w: f64, shaded| IsoSurface { w, paint: Paint::Counted, opacity: 0.2, rim: 0.5, shaded };
     let stops: Vec<(f64, [f64; 1])> =
         (0..256).map(|n| (f64::from(n) / 80.0, [f64::from(n % 7) / 30.0])).collect();
     for (shaded, stretch) in [(true, None), (false, Some(0.3))] {
-        let volume = Volume {
+        let volume = VolumeStyle {
             opacity: Stops::new(stops.clone()).unwrap(),
             colour: Stops::new(vec![(0.5, [20.0, 160.0, 230.0]), (2.5, [240.0, 30.0, 50.0])]).unwrap(),
             shaded,
             stretch,
         };
-        let surfaces =
-            vec![pane(0.5, shaded), pane(1.5, true), pane(2.0, false), Surface::opaque(3.0, Paint::Counted)];
+        let surfaces = vec![
+            pane(0.5, shaded),
+            pane(1.5, true),
+            pane(2.0, false),
+            IsoSurface::opaque(3.0, Paint::Counted),
+        ];
         let style = Style { surfaces, volume: Some(volume), ..Style::solid() };
         let background = [30, 60, 90, 100];
         let options = RenderOptions {

@@ -42,7 +42,7 @@ pub struct CsgArgs {
     #[arg(long)]
     pub keep_counts: bool,
     #[command(flatten)]
-    pub keeping: KeepingArgs,
+    pub keeping: CommitArgs,
     /// How to read the stores
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,
@@ -55,7 +55,7 @@ pub struct CsgArgs {
 
 /// How a store is written that a later run can go on with.
 #[derive(Args)]
-pub struct KeepingArgs {
+pub struct CommitArgs {
     /// Memory to stay within, as in 512MiB
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,

@@ -59,7 +59,7 @@ impl From<DeviceCheckArg> for DeviceCheck {
 }
 
 /// What computes: a device, or the processor and why.
-pub enum Chosen {
+pub enum ComputeDevice {
     Device(Box<Vulkan>),
     Cpu { why: Option<String> },
 }
@@ -67,21 +67,21 @@ pub enum Chosen {
 /// Opens the device that was asked for. Automatic choice takes GPUs only, or the device that was named. Where only the
 /// build's memory is bounded, batches get a quarter of it. No device is opened by automatic choice where it is known
 /// already that the processor does the work, and `why`.
-pub fn choose(args: &BackendArgs, memory: Option<Size>, why: Option<&str>) -> Result<Chosen, Failure> {
+pub fn choose(args: &BackendArgs, memory: Option<Size>, why: Option<&str>) -> Result<ComputeDevice, Failure> {
     let BackendArgs { backend, device, gpu_memory } = args;
     let named = device.is_some();
     if *backend == BackendArg::Cpu {
         if named {
             return Err(Failure::Usage("--device: --backend cpu uses none; leave one out".to_owned()));
         }
-        return Ok(Chosen::Cpu { why: None });
+        return Ok(ComputeDevice::Cpu { why: None });
     }
     let is_asked_for = *backend == BackendArg::Vulkan || named;
     if let Some(why) = why.filter(|_| !is_asked_for) {
-        return Ok(Chosen::Cpu { why: Some(why.to_owned()) });
+        return Ok(ComputeDevice::Cpu { why: Some(why.to_owned()) });
     }
     if !is_asked_for && !may_be_there() {
-        return Ok(Chosen::Cpu { why: Some("the machine has no GPU".to_owned()) });
+        return Ok(ComputeDevice::Cpu { why: Some("the machine has no GPU".to_owned()) });
     }
     let settings = DeviceSettings {
         device: device.clone(),
@@ -91,21 +91,21 @@ pub fn choose(args: &BackendArgs, memory: Option<Size>, why: Option<&str>) -> Re
         validation: false,
     };
     match Gpu::open(&settings) {
-        Ok(gpu) => Ok(Chosen::Device(Box::new(Vulkan::new(gpu)))),
+        Ok(gpu) => Ok(ComputeDevice::Device(Box::new(Vulkan::new(gpu)))),
         Err(why) if is_asked_for => {
             let why = with_options(&why.to_string());
             Err(anyhow!("--backend vulkan: {why}, or use --backend cpu").into())
         }
-        Err(why) => Ok(Chosen::Cpu { why: Some(why.what) }),
+        Err(why) => Ok(ComputeDevice::Cpu { why: Some(why.what) }),
     }
 }
 
-impl Chosen {
+impl ComputeDevice {
     /// The device.
     pub fn device(&self) -> Option<Vulkan> {
         match self {
-            Chosen::Device(vulkan) => Some((**vulkan).clone()),
-            Chosen::Cpu { .. } => None,
+            ComputeDevice::Device(vulkan) => Some((**vulkan).clone()),
+            ComputeDevice::Cpu { .. } => None,
         }
     }
 }

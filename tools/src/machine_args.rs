@@ -1,7 +1,7 @@
 //! What the user types for machining.
 
 use crate::args::IoArg;
-use crate::csg_args::KeepingArgs;
+use crate::csg_args::CommitArgs;
 use crate::units::Length;
 use crate::work::WorkArgs;
 use brickfield_engine::milling::Tool;
@@ -58,7 +58,7 @@ pub struct MachineArgs {
     #[arg(long)]
     pub keep_counts: bool,
     #[command(flatten)]
-    pub keeping: KeepingArgs,
+    pub keeping: CommitArgs,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

@@ -21,36 +21,36 @@ pub struct PointReader {
     /// Columns a line must have: those of the header, of which the first three count, or three.
     columns: Option<usize>,
     /// What the first line has between its values.
-    between: Between,
+    between: Separator,
     separators: Separators,
 }
 
 /// What stands between the values of a table.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Between {
+enum Separator {
     Commas,
     Semicolons,
     Blanks,
 }
 
-impl Between {
+impl Separator {
     /// That of a line, and its name.
-    fn of(line: &[u8]) -> Between {
+    fn of(line: &[u8]) -> Separator {
         let is_blank = |piece: &[u8]| piece.trim_ascii().iter().any(u8::is_ascii_whitespace);
         if line.contains(&b';') {
-            Between::Semicolons
+            Separator::Semicolons
         } else if line.contains(&b',') && !line.split(|&byte| byte == b',').any(is_blank) {
-            Between::Commas
+            Separator::Commas
         } else {
-            Between::Blanks
+            Separator::Blanks
         }
     }
 
     fn name(self) -> &'static str {
         match self {
-            Between::Commas => "commas",
-            Between::Semicolons => "semicolons",
-            Between::Blanks => "blanks",
+            Separator::Commas => "commas",
+            Separator::Semicolons => "semicolons",
+            Separator::Blanks => "blanks",
         }
     }
 }
@@ -69,7 +69,7 @@ impl PointReader {
             let file = File::open(path).with_context(cannot_open)?;
             (name, Box::new(BufReader::with_capacity(1 << 16, file)))
         };
-        let between = Between::Commas;
+        let between = Separator::Commas;
         Ok(PointReader { name, input, line: 0, columns: None, between, separators: Separators::default() })
     }
 
@@ -113,16 +113,16 @@ impl PointReader {
             return Ok(None);
         }
         if self.columns.is_none() {
-            self.between = Between::of(line);
+            self.between = Separator::of(line);
         }
         let before = self.separators;
         let mut fields = Vec::new();
         match self.between {
-            Between::Commas => fields.extend(line.split(|&byte| byte == b',').map(<[u8]>::trim_ascii)),
+            Separator::Commas => fields.extend(line.split(|&byte| byte == b',').map(<[u8]>::trim_ascii)),
             _ => self.separators.split(line, &mut fields).map_err(|what| self.malformed(&what))?,
         }
         let number = |field: &&[u8]| match self.between {
-            Between::Commas => fast_float2::parse(field).ok(),
+            Separator::Commas => fast_float2::parse(field).ok(),
             _ => self.separators.number(field),
         };
         let numbers: Vec<Option<f64>> = fields.iter().map(number).collect();
@@ -146,7 +146,7 @@ impl PointReader {
     ) -> Result<Option<[f64; 3]>, Failure> {
         if fields.len() != columns {
             let has_points = fields.iter().any(|field| field.contains(&b'.'));
-            let is_doubled = self.between == Between::Commas && fields.len() == 2 * columns && !has_points;
+            let is_doubled = self.between == Separator::Commas && fields.len() == 2 * columns && !has_points;
             let hint = if is_doubled { " (decimal commas? separate values by semicolons then)" } else { "" };
             let between = self.between.name();
             return Err(

@@ -5,7 +5,9 @@ use crate::output::in_line;
 use crate::picture_args::ColourArg;
 use crate::units::Length;
 use anyhow::{Context, anyhow};
-use brickfield_engine::render::{BRIGHTNESS_MAX, Lighting, Paint, Stops, Style, Surface, Volume, W_MAX};
+use brickfield_engine::render::{
+    BRIGHTNESS_MAX, IsoSurface, Lighting, Paint, Stops, Style, VolumeStyle, W_MAX,
+};
 use serde::Deserialize;
 use std::io::Read;
 use std::ops::RangeInclusive;
@@ -81,9 +83,9 @@ struct SurfaceTable {
 }
 
 impl SurfaceTable {
-    fn style(self) -> Surface {
+    fn style(self) -> IsoSurface {
         let [opacity, rim] = [self.opacity.unwrap_or(Share(1.0)), self.rim.unwrap_or(Share(0.0))];
-        Surface {
+        IsoSurface {
             w: self.w.0,
             paint: self.colour.0,
             opacity: opacity.0,
@@ -103,7 +105,7 @@ struct VolumeTable {
 }
 
 impl VolumeTable {
-    fn style(self, text: &str, unit: &str) -> Result<Volume, String> {
+    fn style(self, text: &str, unit: &str) -> Result<VolumeStyle, String> {
         let in_unit = |length: toml::Spanned<LengthArg>| {
             let at = length.span().start;
             length.into_inner().0.in_unit_of(unit).ok_or_else(|| {
@@ -111,7 +113,7 @@ impl VolumeTable {
                 format!("{line}: volume.stretch: the store has no unit of length; give a number alone")
             })
         };
-        Ok(Volume {
+        Ok(VolumeStyle {
             opacity: self.opacity.0,
             colour: self.colour.0,
             shaded: self.shaded.unwrap_or(true),
@@ -305,7 +307,7 @@ mod tests {
         let light = Lighting { from: [1.0, 0.0, 2.0], ambient: 0.5, gloss: 0.0, ..Lighting::default() };
         assert_eq!(style.lighting, light);
         let paint = Paint::Plain([1, 2, 3]);
-        let surface = Surface { w: 1.5, paint, opacity: 0.25, rim: 0.0, shaded: false };
+        let surface = IsoSurface { w: 1.5, paint, opacity: 0.25, rim: 0.0, shaded: false };
         assert_eq!(style.surfaces, [surface]);
         let volume = style.volume.unwrap();
         assert_eq!((volume.stretch, volume.shaded), (Some(5.0), true));

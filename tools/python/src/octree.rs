@@ -2,7 +2,7 @@
 
 use crate::arrays::{corners, rows};
 use crate::work::{failed, run};
-use brickfield_engine::analysis::{Block, covering, sample_at, winding_range};
+use brickfield_engine::analysis::{BrickBlock, covering, sample_at, winding_range};
 use brickfield_engine::contour::{ContourOptions, MeshArrays, contour};
 use brickfield_engine::lattice::BRICK_CELLS;
 use brickfield_engine::store::BrickTree;
@@ -276,7 +276,7 @@ fn samples(tree: &dyn BrickTree, level: u8, first: [usize; 3], last: [usize; 3])
         let mut values = Vec::new();
         let (key, _) = covering(tree, level, place.map(|p| p as u32))?;
         let brick = tree.brick(key)?;
-        let block = Block::new(&brick, key, level, place.map(|p| p as u32));
+        let block = BrickBlock::new(&brick, key, level, place.map(|p| p as u32));
         for z in low[2]..high[2] {
             for y in low[1]..high[1] {
                 values.extend(

@@ -1,12 +1,12 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
-use super::build_report::{CloudText, Report};
+use super::build_report::{BuildReport, CloudText};
 use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
 use super::{features_of, open_inputs, open_store, start};
 use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, RefineArg};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
-use crate::devices::{BackendArgs, Chosen, DeviceCheckArg, choose};
+use crate::devices::{BackendArgs, ComputeDevice, DeviceCheckArg, choose};
 use crate::failure::Failure;
 use crate::kinds::{require_inputs, require_store_name};
 use crate::memory;
@@ -34,7 +34,7 @@ const CLOUD_ERROR: f64 = 5e-2;
 const MESH_CACHE_BYTES: u64 = 512 << 20;
 
 /// A checked command line.
-pub(super) struct Plan {
+pub(super) struct BuildRequest {
     pub(super) inputs: Vec<PathBuf>,
     pub(super) output: PathBuf,
     open: OpenOptions,
@@ -108,10 +108,10 @@ fn build_options(args: &BuildArgs, units: Unit, open: &OpenOptions) -> Result<Bu
     })
 }
 
-impl TryFrom<BuildArgs> for Plan {
+impl TryFrom<BuildArgs> for BuildRequest {
     type Error = Failure;
 
-    fn try_from(args: BuildArgs) -> Result<Plan, Failure> {
+    fn try_from(args: BuildArgs) -> Result<BuildRequest, Failure> {
         let units = args.unit.unwrap_or(Unit::Mm);
         require_compatible(&args, units)?;
         let open = args.toolpath.options(args.unit)?;
@@ -133,7 +133,7 @@ impl TryFrom<BuildArgs> for Plan {
             toolpath,
             ..
         } = args;
-        Ok(Plan {
+        Ok(BuildRequest {
             inputs,
             output,
             open,
@@ -155,7 +155,7 @@ impl TryFrom<BuildArgs> for Plan {
     }
 }
 
-impl Plan {
+impl BuildRequest {
     /// Memory for each of the two caches of --mesh.
     fn cache_bytes(&self) -> u64 {
         self.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4)
@@ -169,7 +169,7 @@ fn like_store(path: &Path) -> Result<Resolution, Failure> {
 }
 
 /// Beads are in mm, whatever the program's unit: so are the store and the sizes of its cells.
-fn count_in_mm(plan: &mut Plan) {
+fn count_in_mm(plan: &mut BuildRequest) {
     let factor = plan.units.millimetres();
     if let Resolution::Cell(cell) = &mut plan.options.resolution {
         *cell *= factor;
@@ -181,7 +181,7 @@ fn count_in_mm(plan: &mut Plan) {
 
 /// Runs the command.
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
-    let mut plan = Plan::try_from(args)?;
+    let mut plan = BuildRequest::try_from(args)?;
     let started = Instant::now();
     require_store_name(&plan.output, true)?;
     require_inputs(&plan.inputs, "info PART.brf")?;
@@ -237,7 +237,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let mesh = mesh_of(&plan, &store, sink, &mut summary, &bars)?;
     bars.clear();
     let cpu = why_cpu(&plan, &chosen, &summary);
-    let mut report = Report::new(&plan, cpu, summary, &store, mesh, started.elapsed().as_secs_f64());
+    let mut report = BuildReport::new(&plan, cpu, summary, &store, mesh, started.elapsed().as_secs_f64());
     report.clouds = columns;
     report.toolpaths = (!toolpaths.is_empty()).then_some(toolpaths);
     report.warn();
@@ -252,7 +252,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
 
 /// The mesh that was asked for.
 fn mesh_of(
-    plan: &Plan,
+    plan: &BuildRequest,
     store: &Store,
     sink: Option<Box<dyn MeshSink>>,
     summary: &mut BuildSummary,
@@ -273,7 +273,7 @@ fn mesh_of(
 }
 
 /// Decides whether beads become solids.
-fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<(), Failure> {
+fn choose_solids(plan: &mut BuildRequest, inputs: &[Input], are_clouds: bool) -> Result<(), Failure> {
     let (solids, note) = match (are_clouds, plan.beads) {
         (false, beads) => solids(beads, &plan.open.sweep.shape, inputs)?,
         (true, Some(BeadsArg::Analytic)) => {
@@ -317,8 +317,8 @@ fn choose_solids(plan: &mut Plan, inputs: &[Input], are_clouds: bool) -> Result<
 }
 
 /// Why the processor evaluated the bricks, if a device might have.
-fn why_cpu(plan: &Plan, chosen: &Chosen, summary: &BuildSummary) -> Option<String> {
-    if let Chosen::Cpu { why } = chosen {
+fn why_cpu(plan: &BuildRequest, chosen: &ComputeDevice, summary: &BuildSummary) -> Option<String> {
+    if let ComputeDevice::Cpu { why } = chosen {
         return why.clone();
     }
     if summary.device.is_some() {

@@ -1,7 +1,7 @@
 //! What `brickfield build` prints in the end, for people and for programs.
 
 use super::balance::Balance;
-use super::build::Plan;
+use super::build::BuildRequest;
 use super::mesh::MeshReport;
 use super::{unit_of, volumes_text};
 use crate::devices::BackendArg;
@@ -21,7 +21,7 @@ use serde::Serialize;
 
 /// What is printed in the end.
 #[derive(Serialize)]
-pub(super) struct Report {
+pub(super) struct BuildReport {
     output: String,
     unit: String,
     /// Of the box around the input, along x, y and z.
@@ -71,16 +71,16 @@ impl CloudText {
     }
 }
 
-impl Report {
+impl BuildReport {
     /// Of a build that is done, and of its mesh.
     pub fn new(
-        plan: &Plan,
+        plan: &BuildRequest,
         cpu: Option<String>,
         summary: BuildSummary,
         store: &Store,
         mesh: Option<MeshReport>,
         seconds: f64,
-    ) -> Report {
+    ) -> BuildReport {
         let winding = winding_range(store);
         // Whether something lies inside is for all shares to say.
         let warnings = match winding.filter(|_| summary.share.is_none()) {
@@ -100,7 +100,7 @@ impl Report {
             )),
             _ => None,
         };
-        let mut report = Report {
+        let mut report = BuildReport {
             processor: cpu,
             device_warning,
             output: plan.output.display().to_string(),
@@ -354,7 +354,7 @@ fn samples_of_leaves(store: &Store) -> u64 {
 }
 
 /// What the user should know of a field with this range, and of the pieces behind it.
-fn warnings((min, max): (i16, i16), plan: &Plan, summary: &BuildSummary) -> Vec<String> {
+fn warnings((min, max): (i16, i16), plan: &BuildRequest, summary: &BuildSummary) -> Vec<String> {
     let empty = match (min, max) {
         (min, max) if min < 0 && max <= 0 => Some("nothing lies inside: facets, or normals, face inwards"),
         (0, 0) => Some("nothing lies inside: no body is large enough for a sample"),

@@ -1,13 +1,13 @@
 //! `brickfield csg`: Booleans of stores.
 
-use super::operands::{Common, Ready, ReadyContent, ready, source_of};
+use super::operands::{Common, OpenOperand, OperandContent, ready, source_of};
 use super::{open_store, require_whole_samples, start};
 use crate::csg_args::CsgArgs;
 use crate::failure::Failure;
 use crate::kinds::require_store_name;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::units::Size;
-use brickfield_engine::csg::{Chain, CsgSummary, Hidden, Operand, Operation, Writing, meta_of};
+use brickfield_engine::csg::{Chain, CsgSummary, HiddenCrossings, Operand, Operation, Writing, meta_of};
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::json;
 use std::path::Path;
@@ -84,17 +84,17 @@ pub(super) fn pace(seconds: f64) -> Result<Duration, Failure> {
         .map_err(|_| Failure::Usage("--commit-every takes a number of seconds of 0 or more".to_owned()))
 }
 
-fn as_store((operation, ready): &(Operation, Ready)) -> Option<(Operation, &Store)> {
+fn as_store((operation, ready): &(Operation, OpenOperand)) -> Option<(Operation, &Store)> {
     match &ready.content {
-        ReadyContent::Store(store) => Some((*operation, store)),
-        ReadyContent::Body(..) => None,
+        OperandContent::Store(store) => Some((*operation, store)),
+        OperandContent::Body(..) => None,
     }
 }
 
-fn as_body((operation, ready): &(Operation, Ready)) -> Option<(Operation, [[f64; 3]; 2])> {
+fn as_body((operation, ready): &(Operation, OpenOperand)) -> Option<(Operation, [[f64; 3]; 2])> {
     match &ready.content {
-        ReadyContent::Store(..) => None,
-        ReadyContent::Body(_, bounds) => Some((*operation, *bounds)),
+        OperandContent::Store(..) => None,
+        OperandContent::Body(_, bounds) => Some((*operation, *bounds)),
     }
 }
 
@@ -108,7 +108,7 @@ pub(super) fn text(output: &Path, summary: &CsgSummary, seconds: f64) -> String 
             "  resumed  from {resumed} nodes of an earlier run; what hides is told of the rest"
         ));
     }
-    let Hidden { walls, gaps } = hidden;
+    let HiddenCrossings { walls, gaps } = hidden;
     let told = |count: &u64, what: &str| {
         (*count > 0)
             .then(|| format!("  hidden   {count} edges between samples hold {what} that no sample shows"))

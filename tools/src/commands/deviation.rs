@@ -49,7 +49,7 @@ const COLUMNS: [&str; 11] = [
 ];
 
 /// What a part is compared with, opened.
-enum Opened {
+enum OpenReference {
     Mesh(Triangles),
     Store(Box<(Surface, Store)>),
 }
@@ -72,8 +72,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let opened = open_reference(args, &store, &bars)?;
     let sides_of_reference;
     let reference = match &opened {
-        Opened::Mesh(triangles) => Reference::Mesh(triangles),
-        Opened::Store(opened) => {
+        OpenReference::Mesh(triangles) => Reference::Mesh(triangles),
+        OpenReference::Store(opened) => {
             sides_of_reference = Sides::new(&opened.1)?;
             Reference::Store(&opened.0, &sides_of_reference)
         }
@@ -113,7 +113,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         "unit": unit,
         "cell": cell,
         "reference": args.reference.display().to_string(),
-        "reference_is": match opened { Opened::Mesh(_) => "mesh", Opened::Store(_) => "store" },
+        "reference_is": match opened { OpenReference::Mesh(_) => "mesh", OpenReference::Store(_) => "store" },
         "vertices": vertices,
         "triangles": triangles,
         "align": {
@@ -154,7 +154,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<Opened, Failure> {
+fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<OpenReference, Failure> {
     let name = in_line(&args.reference);
     if is_store(&args.reference) {
         let store = open_store(&args.reference, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
@@ -168,7 +168,7 @@ fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<Ope
         }
         let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
         let surface = Surface::new(&store, args.memory.0 / 4, folder, bars)?;
-        return Ok(Opened::Store(Box::new((surface, store))));
+        return Ok(OpenReference::Store(Box::new((surface, store))));
     }
     let inputs =
         open_inputs(std::slice::from_ref(&args.reference), &[&args.output], &OpenOptions::default(), bars)?;
@@ -187,7 +187,7 @@ fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<Ope
     if !triangles.is_closed() {
         warn(&format!("{name}: the mesh is not closed, so the nearest triangle tells the side of a point"));
     }
-    Ok(Opened::Mesh(triangles))
+    Ok(OpenReference::Mesh(triangles))
 }
 
 /// A number rounded to a step, without the sign of zero.

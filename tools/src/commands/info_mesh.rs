@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 /// What is told of a mesh.
-struct Told<'a> {
+struct MeshInfo<'a> {
     input: &'a Input,
     path: String,
     bounds: ([f64; 3], [f64; 3]),
@@ -57,7 +57,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     };
     input.check()?;
     bars.clear();
-    let told = Told { input, path, bounds, measures, summary, pieces };
+    let told = MeshInfo { input, path, bounds, measures, summary, pieces };
     let warning = told.warning();
     warning.iter().for_each(|line| warn(line));
     if args.json {
@@ -67,7 +67,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     print(&(told.text() + &warning))
 }
 
-impl Told<'_> {
+impl MeshInfo<'_> {
     fn is_closed(&self) -> bool {
         self.summary.open_edges == 0
     }
@@ -80,7 +80,7 @@ impl Told<'_> {
     }
 
     fn json(&self) -> Value {
-        let Told { input, path, bounds, measures, summary, pieces } = self;
+        let MeshInfo { input, path, bounds, measures, summary, pieces } = self;
         json!({
             "path": path,
             "format": input.describe(),
@@ -99,7 +99,7 @@ impl Told<'_> {
     }
 
     fn text(&self) -> String {
-        let Told { input, path, bounds, measures, summary, pieces } = self;
+        let MeshInfo { input, path, bounds, measures, summary, pieces } = self;
         let (Measures { area, volume, .. }, (min, max)) = (*measures, *bounds);
         let OpenSummary { open_edges, loops, flipped_patches, .. } = *summary;
         let (surface, size) = match self.is_closed() {

@@ -42,19 +42,19 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     }
     input.check()?;
     bars.clear();
-    let told = Told { input, path, bounds, shapes };
+    let told = X3dInfo { input, path, bounds, shapes };
     if args.json { print_json(&told.json(sweeps.report().extrusions)) } else { print(&told.text()) }
 }
 
 /// What is told of an X3D file.
-struct Told<'a> {
+struct X3dInfo<'a> {
     input: &'a Input,
     path: String,
     bounds: ([f64; 3], [f64; 3]),
     shapes: Vec<(PlacedExtrusion<'a>, Measures)>,
 }
 
-impl Told<'_> {
+impl X3dInfo<'_> {
     /// Area and volume of all Extrusions.
     fn sums(&self) -> (f64, f64) {
         let add = |(area, volume), (_, m): &(_, Measures)| (area + m.area, volume + m.volume);
@@ -67,7 +67,7 @@ impl Told<'_> {
     }
 
     fn json(&self, extrusions: impl Serialize) -> Value {
-        let Told { input, path, bounds, shapes } = self;
+        let X3dInfo { input, path, bounds, shapes } = self;
         let (area, volume) = self.sums();
         let is_closed = self.open() == 0;
         let shape = |(shape, m): &(PlacedExtrusion<'_>, Measures)| -> Value {
@@ -97,7 +97,7 @@ impl Told<'_> {
     }
 
     fn text(&self) -> String {
-        let Told { input, path, bounds: (min, max), shapes } = self;
+        let X3dInfo { input, path, bounds: (min, max), shapes } = self;
         let (area, volume) = self.sums();
         let counts = format!("{} Extrusions shown, {} facets", shapes.len(), input.facets());
         let mut text = format!("{}: X3D, {counts}, {}\n", one_line(path), Size(input.bytes()));

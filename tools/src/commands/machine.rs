@@ -14,7 +14,7 @@ use anyhow::{Context, anyhow};
 use brickfield_engine::csg::{Chain, CsgSummary, Operand, Operation, Writing, meta_of};
 use brickfield_engine::lattice::millimetres;
 use brickfield_engine::machining::{
-    Cut, Measured, OpenedVoid, Removed, VoidState, measured_volume, opened, removed,
+    BoundedVolume, Cut, OpenedVoid, RemovedVolume, VoidState, measured_volume, opened, removed,
 };
 use brickfield_engine::milling::{Program, ProgramOptions, Tool, read};
 use brickfield_engine::part::PartFile;
@@ -53,12 +53,12 @@ struct Job<'a> {
 }
 
 /// What was found out.
-struct Found {
+struct MachineFindings {
     summary: CsgSummary,
-    total: Measured,
+    total: BoundedVolume,
     /// By place in the list of tools.
-    by_tool: Vec<Measured>,
-    removed: Removed,
+    by_tool: Vec<BoundedVolume>,
+    removed: RemovedVolume,
     voids: Option<Vec<OpenedVoid>>,
     /// Seconds by phase.
     phases: Vec<(&'static str, f64)>,
@@ -146,7 +146,7 @@ fn table_of_tools(path: &Path) -> Result<BTreeMap<u32, Tool>, Failure> {
 }
 
 impl Job<'_> {
-    fn work(&self) -> Result<Found, Failure> {
+    fn work(&self) -> Result<MachineFindings, Failure> {
         let Job { args, store, cut, bars, .. } = self;
         let settings = vec![
             ("made by".to_owned(), "machine".to_owned()),
@@ -182,7 +182,7 @@ impl Job<'_> {
             None => None,
         };
         lap("voids");
-        Ok(Found { summary, total, by_tool, removed, voids, phases })
+        Ok(MachineFindings { summary, total, by_tool, removed, voids, phases })
     }
 
     /// What the result says of where it comes from.
@@ -209,16 +209,21 @@ impl Job<'_> {
     }
 
     /// What solids have in common with the part.
-    fn taken(&self, solids: &[SweptSolid], meta: &Meta) -> Result<Measured, Failure> {
+    fn taken(&self, solids: &[SweptSolid], meta: &Meta) -> Result<BoundedVolume, Failure> {
         let chain = self.chain(Operation::And, solids);
         let Job { args, bars, .. } = self;
         Ok(measured_volume(&chain, meta.clone(), &args.output, args.keeping.memory.0, bars)?)
     }
 
     /// What each tool takes off: measured from change to change of the tool.
-    fn by_tool(&self, total: Measured, removed: &Removed, meta: &Meta) -> Result<Vec<Measured>, Failure> {
+    fn by_tool(
+        &self,
+        total: BoundedVolume,
+        removed: &RemovedVolume,
+        meta: &Meta,
+    ) -> Result<Vec<BoundedVolume>, Failure> {
         let moves = &self.program.moves;
-        let mut taken = vec![Measured::default(); self.program.tools.len()];
+        let mut taken = vec![BoundedVolume::default(); self.program.tools.len()];
         let ends: Vec<usize> =
             (1..=moves.len()).filter(|&n| n == moves.len() || moves[n].tool != moves[n - 1].tool).collect();
         if ends.len() > MOST_MEASURED {
@@ -229,7 +234,7 @@ impl Job<'_> {
             taken.iter_mut().for_each(|of| of.error = total.error + (total.value - sum).abs());
             return Ok(taken);
         }
-        let mut before = Measured::default();
+        let mut before = BoundedVolume::default();
         for end in ends {
             let solids = self.cut.moves.partition_point(|&number| (number as usize) < end);
             let is_all = end == moves.len();
@@ -243,7 +248,7 @@ impl Job<'_> {
     }
 
     /// Rapid moves that run into the part: their numbers, and how deep.
-    fn rapids(&self, found: &Found) -> Vec<(u32, f64)> {
+    fn rapids(&self, found: &MachineFindings) -> Vec<(u32, f64)> {
         let cell = self.store.root().spacing(self.store.meta().depth);
         let runs = found.removed.by_move.iter().filter(|(number, share)| {
             self.program.moves[**number as usize].rapid && share.volume > TOUCH_CELLS * cell.powi(3)
@@ -251,7 +256,7 @@ impl Job<'_> {
         runs.map(|(number, share)| (*number, share.height[1] - share.height[0] + cell)).collect()
     }
 
-    fn warn(&self, found: &Found) {
+    fn warn(&self, found: &MachineFindings) {
         let name = in_line(&self.args.program);
         let unit = unit_of(self.store.meta());
         let cell = self.store.root().spacing(self.store.meta().depth);
@@ -288,8 +293,8 @@ impl Job<'_> {
         Table { columns: &COLUMNS, rows: voids.iter().map(row).collect() }
     }
 
-    fn document(&self, found: &Found, seconds: f64) -> Value {
-        let Found { summary, total, by_tool, removed, voids, phases } = found;
+    fn document(&self, found: &MachineFindings, seconds: f64) -> Value {
+        let MachineFindings { summary, total, by_tool, removed, voids, phases } = found;
         let tools: Vec<Value> = self.program.tools.iter().zip(by_tool).map(|((number, tool), of)| {
             json!({ "number": number, "tool": tool.to_string(), "volume": of.value, "volume_error": of.error })
         }).collect();
@@ -334,7 +339,7 @@ impl Job<'_> {
         })
     }
 
-    fn text(&self, found: &Found, seconds: f64) -> String {
+    fn text(&self, found: &MachineFindings, seconds: f64) -> String {
         let unit = unit_of(self.store.meta());
         let mut lines = vec![csg_text(&self.args.output, &found.summary, seconds)];
         let Program { moves, arcs, chord_error, turning_steps, unplaced, .. } = &self.program;

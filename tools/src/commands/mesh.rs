@@ -1,8 +1,8 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
-use super::mesh_check::{Checked, require_sound};
+use super::mesh_check::{CheckOutcome, require_sound};
 use super::mesh_detail::{self, Detail};
-use super::mesh_shells::{self, Chosen, Shells};
+use super::mesh_shells::{self, ShellChoice, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
@@ -103,7 +103,7 @@ fn run_coarse(
     // Fractions take what contouring leaves.
     let options = mesh_detail::options_of(args, store, (cache_bytes / 4) as usize)?;
     let memory = cache_bytes - cache_bytes / 4 - brick_bytes;
-    let source = if store.meta().share.is_none() { Some(Expected::of(store, bars)?) } else { None };
+    let source = if store.meta().share.is_none() { Some(ExpectedVolume::of(store, bars)?) } else { None };
     let (made, chosen) =
         mesh_detail::find_chosen(args, store, output, (&options, memory), source.as_ref(), bars)?;
     let options = ContourOptions { tolerance: made.tolerance, ..options };
@@ -155,7 +155,7 @@ fn write_shells(
 
 /// Contours a tree that was made of the store into the shells that are kept.
 fn write_chosen(
-    (args, chosen): (&MeshArgs, &Chosen),
+    (args, chosen): (&MeshArgs, &ShellChoice),
     (store, tree): (&Store, &dyn BrickTree),
     options: &ContourOptions,
     (output, sink): (&Path, &mut dyn MeshSink),
@@ -192,7 +192,7 @@ fn finish(
     report.negative_volume_error = negative.map(|(_, error)| error);
     // An empty mesh is what the field asks for, and there is nothing to check.
     if args.check && report.triangles > 0 {
-        report.check = Some(Checked::of(output, args.weld, args.memory, bars)?);
+        report.check = Some(CheckOutcome::of(output, args.weld, args.memory, bars)?);
     }
     bars.clear();
     if let Some(negative) = negative {
@@ -307,7 +307,7 @@ pub struct MeshReport {
     brick_cache: BrickCache,
     seconds: f64,
     /// What the volume should be, where that is known.
-    expected: Option<Expected>,
+    expected: Option<ExpectedVolume>,
     /// Edge of the largest cells that the boundary passes; 0 where nothing is expected.
     #[serde(skip)]
     cell: f64,
@@ -326,12 +326,12 @@ pub struct MeshReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume_error: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    check: Option<Checked>,
+    check: Option<CheckOutcome>,
 }
 
 /// The volume of the union.
 #[derive(Serialize)]
-pub struct Expected {
+pub struct ExpectedVolume {
     /// Whose: "source", or "samples", by chords between their crossings.
     whose: &'static str,
     pub volume: f64,
@@ -339,14 +339,14 @@ pub struct Expected {
     pub error: f64,
 }
 
-impl Expected {
+impl ExpectedVolume {
     /// Of a whole store: the source's, which the store knows where that was closed, or else by the store's own chords.
-    fn of(store: &Store, progress: &dyn Progress) -> Result<Expected, Failure> {
+    fn of(store: &Store, progress: &dyn Progress) -> Result<ExpectedVolume, Failure> {
         let (whose, volumes) = match &store.meta().volumes {
             Some(source) => ("source", Volumes::from(source)),
             None => ("samples", volume(store, progress)?),
         };
-        Ok(Expected { whose, volume: volumes.union, error: volumes.union_error })
+        Ok(ExpectedVolume { whose, volume: volumes.union, error: volumes.union_error })
     }
 }
 
@@ -386,7 +386,7 @@ impl MeshReport {
         if options.iso != 0.5 || options.level.is_some() || store.meta().share.is_some() {
             return Ok(());
         }
-        let expected = Expected::of(store, progress)?;
+        let expected = ExpectedVolume::of(store, progress)?;
         let whose = expected.whose;
         // The mesh may cut off half a cell all over the boundary.
         let crossed = store.entries().iter().filter(|entry| entry.leaf && !entry.head.kind.is_uniform());
@@ -436,7 +436,7 @@ impl MeshReport {
 impl MeshReport {
     /// The volume that should be, and why the mesh's is another.
     fn expected_text(&self) -> Option<String> {
-        let Expected { whose, volume, error } = self.expected.as_ref()?;
+        let ExpectedVolume { whose, volume, error } = self.expected.as_ref()?;
         let (unit, cell) = (&self.unit, self.cell);
         let mut text = format!("\n  volume   the {whose} holds {} {unit}³", measured(*volume, *error));
         let off = self.volume - volume;

@@ -23,7 +23,7 @@ pub fn run(args: &MeshArgs, progress: &crate::progress::Bars) -> Result<(), Fail
         let is = kind.and_then(FileKind::name).map_or_else(String::new, |name| format!("is {name}; "));
         return Err(Failure::Usage(format!("{}: {is}{what}", args.file.display())));
     }
-    let checked = Checked::of(&args.file, args.weld, args.memory, progress)?;
+    let checked = CheckOutcome::of(&args.file, args.weld, args.memory, progress)?;
     progress.clear();
     if args.json {
         print_json(&checked)?;
@@ -35,7 +35,7 @@ pub fn run(args: &MeshArgs, progress: &crate::progress::Bars) -> Result<(), Fail
 
 /// What the check of a file said.
 #[derive(Serialize)]
-pub struct Checked {
+pub struct CheckOutcome {
     path: String,
     format: &'static str,
     sound: bool,
@@ -53,15 +53,20 @@ pub struct Checked {
     seconds: f64,
 }
 
-impl Checked {
+impl CheckOutcome {
     /// Reads and checks the mesh at `path`.
-    pub fn of(path: &Path, weld: bool, memory: Size, progress: &dyn Progress) -> Result<Checked, Failure> {
+    pub fn of(
+        path: &Path,
+        weld: bool,
+        memory: Size,
+        progress: &dyn Progress,
+    ) -> Result<CheckOutcome, Failure> {
         let started = Instant::now();
         let input = Input::open(path, progress)?;
         let report = check(&input, weld, progress)?;
         let facing = facing(&input, &report, memory, progress)?;
         let inside_out = facing.flatten();
-        Ok(Checked {
+        Ok(CheckOutcome {
             path: path.display().to_string(),
             format: input.describe(),
             sound: report.is_sound() && inside_out.is_none(),
@@ -89,7 +94,7 @@ impl Checked {
 
     /// For people.
     pub fn text(&self) -> String {
-        let Checked { format, report, seconds, .. } = self;
+        let CheckOutcome { format, report, seconds, .. } = self;
         let path = one_line(&self.path);
         let CheckReport { triangles, vertices, edges, area, volume, .. } = report;
         let mut text = format!(
@@ -155,7 +160,7 @@ fn facing(
 }
 
 /// Success exactly if nothing is wrong.
-pub fn require_sound(checked: &Checked) -> Result<(), Failure> {
+pub fn require_sound(checked: &CheckOutcome) -> Result<(), Failure> {
     if checked.sound {
         return Ok(());
     }

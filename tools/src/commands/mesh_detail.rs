@@ -1,7 +1,7 @@
 //! A mesh of a detail or a size: the part as fractions of solid in coarse cells.
 
-use super::mesh::{Expected, bytes_a_triangle, tolerance_in};
-use super::mesh_shells::{self, Chosen, Regions, Shells};
+use super::mesh::{ExpectedVolume, bytes_a_triangle, tolerance_in};
+use super::mesh_shells::{self, ShellChoice, ShellRegions, Shells};
 use super::{of_store, unit_of};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
@@ -10,8 +10,8 @@ use crate::units::{Length, Size};
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, MeshArrays, contour, foresee_triangles};
 use brickfield_engine::fraction::{
-    Distances, FractionTree, Kept, Lattice, Request, Sized, distances, factor_of, finest_cell, fractions,
-    keep_volume, of_triangles, surface,
+    DetailRequest, Distances, FractionTree, Lattice, LevelSurface, SizedMesh, distances, factor_of,
+    finest_cell, fractions, keep_volume, of_triangles, surface,
 };
 use brickfield_engine::store::{BrickTree, Store};
 use brickfield_engine::voids::{Connectivity, Total, label};
@@ -60,9 +60,9 @@ pub fn find_chosen(
     store: &Store,
     output: &Path,
     (options, memory): (&ContourOptions, u64),
-    expected: Option<&Expected>,
+    expected: Option<&ExpectedVolume>,
     bars: &dyn Progress,
-) -> Result<(Sized, Chosen), Failure> {
+) -> Result<(SizedMesh, ShellChoice), Failure> {
     let most = most_triangles(args, output)?;
     let mut ask = most;
     let mut tries = 0;
@@ -99,19 +99,19 @@ fn find(
     store: &Store,
     most: u64,
     (options, memory): (&ContourOptions, u64),
-    expected: Option<&Expected>,
+    expected: Option<&ExpectedVolume>,
     bars: &dyn Progress,
-) -> Result<Sized, Failure> {
+) -> Result<SizedMesh, Failure> {
     let told = |error: Error| of_store(store, "detail", error);
     if let Some(detail) = args.detail {
         let lattice = lattice_of(detail, store, memory, bars)?;
         let volume = expected.map_or(lattice.volume(), |expected| expected.volume);
         let kept = kept(args, &lattice, volume, options, bars).map_err(told)?;
-        return Ok(Sized { lattice, kept, tolerance: options.tolerance });
+        return Ok(SizedMesh { lattice, kept, tolerance: options.tolerance });
     }
     let of_all = foresee_triangles(store, 0.5, None).map_err(told)?;
     let volume = expected.map(|expected| expected.volume);
-    let request = Request { most, of_all, volume, options, memory };
+    let request = DetailRequest { most, of_all, volume, options, memory };
     Ok(of_triangles(store, request, bars).map_err(told)?)
 }
 
@@ -155,7 +155,7 @@ fn kept(
     volume: f64,
     options: &ContourOptions,
     bars: &dyn Progress,
-) -> Result<Kept, Error> {
+) -> Result<LevelSurface, Error> {
     if let Some(fraction) = args.iso {
         return surface(lattice, fraction, options, bars);
     }
@@ -194,9 +194,9 @@ pub struct Detail {
     /// How far the surface was moved for the sake of fewer triangles.
     pub tolerance: f64,
     /// Enclosed voids of the store.
-    pub voids: Regions,
+    pub voids: ShellRegions,
     /// Solid pieces of the store.
-    pub pieces: Regions,
+    pub pieces: ShellRegions,
     /// Distances of points of the mesh from the store's surface, and of points of that from the mesh; `None` of meshes that do
     /// not fit the memory.
     pub distances: Option<[Distances; 2]>,
@@ -207,13 +207,13 @@ impl Detail {
     ///
     /// # Errors
     /// What reading the store gives.
-    pub fn of(made: &Sized, store: &Store, bars: &dyn Progress) -> Result<Detail, Failure> {
+    pub fn of(made: &SizedMesh, store: &Store, bars: &dyn Progress) -> Result<Detail, Failure> {
         let fine =
             label(store, Connectivity::default(), bars).map_err(|error| of_store(store, "detail", error))?;
         let of = |solid: bool| {
             let count = fine.components.iter().filter(|component| component.solid == solid).count();
             let Total { value, error } = fine.total(store.root(), solid);
-            Regions { count, volume: value, volume_error: Some(error) }
+            ShellRegions { count, volume: value, volume_error: Some(error) }
         };
         Ok(Detail {
             cell: made.lattice.cell(),
@@ -232,7 +232,7 @@ impl Detail {
     /// What reading the store gives.
     pub fn measure(
         &mut self,
-        made: &Sized,
+        made: &SizedMesh,
         (options, memory): (&ContourOptions, u64),
         store: &Store,
         bars: &dyn Progress,
@@ -292,7 +292,7 @@ impl Detail {
 }
 
 /// Regions of the store and what of them is in the mesh.
-fn compared((fine, coarse): (&Regions, &Regions), unit: &str, kind: &str) -> String {
+fn compared((fine, coarse): (&ShellRegions, &ShellRegions), unit: &str, kind: &str) -> String {
     let volume = measured(fine.volume, fine.volume_error.unwrap_or_default());
     let all = format!("{} {kind} in the store, {volume} {unit}³", fine.count);
     if fine.count == coarse.count {
@@ -310,7 +310,7 @@ fn compared((fine, coarse): (&Regions, &Regions), unit: &str, kind: &str) -> Str
 const MOST_OFF: f64 = 1e-3;
 
 /// A warning that a mesh does not hold the volume, where it could not.
-pub fn lost_volume(made: &Sized, expected: &Expected, unit: &str) -> Option<String> {
+pub fn lost_volume(made: &SizedMesh, expected: &ExpectedVolume, unit: &str) -> Option<String> {
     let off = (made.kept.summary.volume - expected.volume).abs();
     if off <= expected.error.max(MOST_OFF * expected.volume) {
         return None;

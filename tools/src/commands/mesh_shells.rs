@@ -8,7 +8,7 @@ use brickfield_engine::{Progress, Result};
 use serde::Serialize;
 
 /// The shells of a mesh, and which of them are kept.
-pub struct Chosen {
+pub struct ShellChoice {
     /// By shell.
     pub kept: Vec<bool>,
     /// By vertex of the whole mesh, its shell.
@@ -20,7 +20,7 @@ pub struct Chosen {
 
 /// Shells by what they bound.
 #[derive(Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Regions {
+pub struct ShellRegions {
     pub count: usize,
     pub volume: f64,
     /// Bound on its error, where it is not that of triangles.
@@ -28,9 +28,13 @@ pub struct Regions {
     pub volume_error: Option<f64>,
 }
 
-impl Regions {
-    fn and(self, other: Regions) -> Regions {
-        Regions { count: self.count + other.count, volume: self.volume + other.volume, volume_error: None }
+impl ShellRegions {
+    fn and(self, other: ShellRegions) -> ShellRegions {
+        ShellRegions {
+            count: self.count + other.count,
+            volume: self.volume + other.volume,
+            volume_error: None,
+        }
     }
 
     fn add(&mut self, volume: f64) {
@@ -43,11 +47,11 @@ impl Regions {
 #[derive(Clone, Copy, Default, Serialize)]
 pub struct Shells {
     /// Shells that face outward, of the mesh as it is written.
-    pub pieces: Regions,
+    pub pieces: ShellRegions,
     /// Shells that face inward.
-    pub voids: Regions,
-    pub dropped_pieces: Regions,
-    pub dropped_voids: Regions,
+    pub voids: ShellRegions,
+    pub dropped_pieces: ShellRegions,
+    pub dropped_voids: ShellRegions,
 }
 
 /// Whether shells are to be told apart, or triangles looked at one by one.
@@ -78,7 +82,7 @@ pub fn choose(
     options: &ContourOptions,
     memory: u64,
     progress: &dyn Progress,
-) -> Result<Chosen> {
+) -> Result<ShellChoice> {
     let mut sink = ShellSink::new(memory);
     contour(tree, options, &mut sink, progress)?;
     let (shells, of) = sink.into_shells();
@@ -102,7 +106,7 @@ pub fn choose(
     let told = told(&shells, &kept);
     let triangles =
         shells.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(shell, _)| shell.triangles).sum();
-    Ok(Chosen { kept, of, told, triangles })
+    Ok(ShellChoice { kept, of, told, triangles })
 }
 
 /// Keeps the piece of the largest volume and the voids in it.
@@ -132,12 +136,12 @@ fn told(shells: &[Shell], kept: &[bool]) -> Shells {
 
 impl Shells {
     /// Voids of the mesh before any was left out.
-    pub fn all_voids(&self) -> Regions {
+    pub fn all_voids(&self) -> ShellRegions {
         self.voids.and(self.dropped_voids)
     }
 
     /// Pieces of the mesh before any was left out.
-    pub fn all_pieces(&self) -> Regions {
+    pub fn all_pieces(&self) -> ShellRegions {
         self.pieces.and(self.dropped_pieces)
     }
 
@@ -152,7 +156,7 @@ impl Shells {
         if !self.has_dropped() {
             return None;
         }
-        let of = |regions: &Regions, kind: &str| {
+        let of = |regions: &ShellRegions, kind: &str| {
             format!(
                 "{} {kind}{}, {:.6} {unit}³",
                 regions.count,

@@ -20,25 +20,25 @@ use brickfield_engine::swept::SweptSolid;
 use std::path::Path;
 
 /// An operand that is ready.
-pub struct Ready {
-    pub content: ReadyContent,
+pub struct OpenOperand {
+    pub content: OperandContent,
     /// What the result says of it.
     pub source: Source,
     /// Its store, if it was built for now.
     _temporary: Option<BesideFile>,
 }
 
-pub enum ReadyContent {
+pub enum OperandContent {
     Store(Box<Store>),
     Body(Vec<SweptSolid>, [[f64; 3]; 2]),
 }
 
-impl Ready {
+impl OpenOperand {
     /// For the engine.
     pub fn operand(&self) -> Operand<'_> {
         match &self.content {
-            ReadyContent::Store(store) => Operand::Store(store),
-            ReadyContent::Body(solids, _) => Operand::Solids(solids),
+            OperandContent::Store(store) => Operand::Store(store),
+            OperandContent::Body(solids, _) => Operand::Solids(solids),
         }
     }
 }
@@ -70,7 +70,12 @@ pub fn source_of(store: &Store, role: &str) -> Result<Source, Failure> {
 ///
 /// # Errors
 /// One that is none, or is of another lattice.
-pub fn ready(number: usize, operation: Operation, text: &str, common: &Common<'_>) -> Result<Ready, Failure> {
+pub fn ready(
+    number: usize,
+    operation: Operation,
+    text: &str,
+    common: &Common<'_>,
+) -> Result<OpenOperand, Failure> {
     let unit = &common.first.meta().unit;
     if !Path::new(text).exists()
         && let Some(found) = body(text, unit)
@@ -103,7 +108,7 @@ pub fn ready(number: usize, operation: Operation, text: &str, common: &Common<'_
             Source { format: format!("{}, {}", found.format, operation.name()), ..found }
         }
     };
-    Ok(Ready { content: ReadyContent::Store(Box::new(store)), source, _temporary: temporary })
+    Ok(OpenOperand { content: OperandContent::Store(Box::new(store)), source, _temporary: temporary })
 }
 
 /// Refuses a store whose samples stand elsewhere.
@@ -122,7 +127,7 @@ fn of_body(
     operation: Operation,
     body: Primitive,
     common: &Common<'_>,
-) -> Result<Ready, Failure> {
+) -> Result<OpenOperand, Failure> {
     if operation == Operation::Plus && body.is_endless() {
         let what =
             "this has no end, so it cannot be joined to a part; give a box, or a cylinder with two ends";
@@ -145,7 +150,7 @@ fn of_body(
         format: format!("body, {}", operation.name()),
         blake3: hash_of(text.as_bytes()),
     };
-    Ok(Ready { content: ReadyContent::Body(vec![solid], bounds), source, _temporary: None })
+    Ok(OpenOperand { content: OperandContent::Body(vec![solid], bounds), source, _temporary: None })
 }
 
 /// Builds a mesh or a toolpath on the lattice of the first store, beside the output.

@@ -9,7 +9,7 @@ use crate::picture_args::{ColourArg, FocusArg, RenderArgs, StyleArg};
 use crate::style_file::{self, StyleFile};
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{
-    Caster, CasterReport, Cut, RenderOptions, Scene, View, write_frame, write_turn,
+    Caster, CasterReport, CutPlane, RenderOptions, Scene, View, write_frame, write_turn,
 };
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::json;
@@ -90,7 +90,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         made += bricks;
         let seconds = started.elapsed().as_secs_f64();
         started = Instant::now();
-        let drawn = Drawn { path, size: options.size, frames, bricks, seconds };
+        let drawn = RenderReport { path, size: options.size, frames, bricks, seconds };
         drawn.say(args, caster.map(Caster::report))
     };
     match kind {
@@ -124,7 +124,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
 }
 
 /// What was written: how many bricks were read for it, and how long it took.
-struct Drawn<'a> {
+struct RenderReport<'a> {
     path: &'a Path,
     size: [u32; 2],
     frames: Option<u32>,
@@ -132,10 +132,10 @@ struct Drawn<'a> {
     seconds: f64,
 }
 
-impl Drawn<'_> {
+impl RenderReport<'_> {
     /// Says so, and what a device did so far.
     fn say(&self, args: &RenderArgs, device: Option<&CasterReport>) -> Result<(), Failure> {
-        let Drawn { path, size: [width, height], frames, bricks, seconds } = *self;
+        let RenderReport { path, size: [width, height], frames, bricks, seconds } = *self;
         if args.json {
             let output = path.display().to_string();
             let mut said =
@@ -160,15 +160,15 @@ impl Drawn<'_> {
 }
 
 /// What is cut away, in a store's unit.
-pub(super) fn cuts(args: &RenderArgs, unit: &str) -> Result<Vec<Cut>, Failure> {
+pub(super) fn cuts(args: &RenderArgs, unit: &str) -> Result<Vec<CutPlane>, Failure> {
     let mut cuts = Vec::new();
     for cut in &args.cut {
         let at = cut.at.in_unit_of(unit).ok_or_else(no_unit)?;
-        cuts.push(Cut { axis: cut.axis.into(), at, above: cut.above });
+        cuts.push(CutPlane { axis: cut.axis.into(), at, above: cut.above });
     }
     if let Some(within) = args.within {
         for (corner, above) in within.corners.into_iter().zip([false, true]) {
-            cuts.extend(Axis::ALL.map(|axis| Cut { axis, at: corner[axis.index()], above }));
+            cuts.extend(Axis::ALL.map(|axis| CutPlane { axis, at: corner[axis.index()], above }));
         }
     }
     Ok(cuts)

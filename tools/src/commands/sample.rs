@@ -4,7 +4,7 @@ use super::{CACHE_BYTES, of_store, open_store, start};
 use crate::args::SampleArgs;
 use crate::failure::Failure;
 use crate::points::{PointBead, PointReader, PointWriter};
-use brickfield_engine::analysis::{Covering, beads_at_points, sample_at};
+use brickfield_engine::analysis::{CoveringPass, beads_at_points, sample_at};
 use brickfield_engine::store::{AcceptedStores, BeadTables, Store};
 use brickfield_engine::{Error, Progress};
 
@@ -60,7 +60,7 @@ fn tables_of(store: &Store) -> Result<BeadTables, Failure> {
     })
 }
 
-fn bead(tables: &BeadTables, Covering { number, lines }: Covering) -> PointBead<'_> {
+fn bead(tables: &BeadTables, CoveringPass { number, lines }: CoveringPass) -> PointBead<'_> {
     let (bead, pass) = tables.bead_of(number);
     let row = tables.beads[bead as usize];
     PointBead {

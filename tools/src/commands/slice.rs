@@ -95,7 +95,7 @@ pub fn run(args: &SliceArgs) -> Result<(), Failure> {
 }
 
 /// What is said of a section.
-struct Said {
+struct SliceReport {
     text: String,
     json: Value,
 }
@@ -141,7 +141,7 @@ impl Plan<'_> {
         path: &Path,
         memory_bytes: u64,
         bars: &Bars,
-    ) -> Result<Said, Failure> {
+    ) -> Result<SliceReport, Failure> {
         let window = plane.window([store.meta().bounds_min, store.meta().bounds_max]);
         let refused = |error| of_store(store, "section", error);
         let limits = ContourLimits { level: self.args.level, memory_bytes };
@@ -195,7 +195,7 @@ impl Plan<'_> {
         path: &Path,
         drawn: &SectionSummary,
         area: Option<(f64, f64)>,
-    ) -> Said {
+    ) -> SliceReport {
         let SectionSummary { size: [width, height], pixel, origin, range: (low, high) } = drawn;
         let (letter, unit) = (plane.letter(), unit_of(store.meta()));
         let area_text = match area {
@@ -211,10 +211,10 @@ impl Plan<'_> {
             "size": [width, height], "pixel": pixel, "origin": origin, "winding": [low, high],
             "area": area.map(|(area, _)| area), "area_error": area.map(|(_, error)| error),
         });
-        Said { text, json }
+        SliceReport { text, json }
     }
 
-    fn say_drawing(&self, store: &Store, plane: Plane, path: &Path, lines: &Contour) -> Said {
+    fn say_drawing(&self, store: &Store, plane: Plane, path: &Path, lines: &Contour) -> SliceReport {
         let Contour { loops, area, area_error, length } = lines;
         let points: usize = loops.iter().map(Vec::len).sum();
         let (letter, unit) = (plane.letter(), unit_of(store.meta()));
@@ -229,7 +229,7 @@ impl Plan<'_> {
             "output": path.display().to_string(), "unit": unit, "axis": letter, "at": plane.at,
             "loops": loops.len(), "points": points, "area": area, "area_error": area_error, "length": length,
         });
-        Said { text, json }
+        SliceReport { text, json }
     }
 }
 

@@ -67,7 +67,7 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
 }
 
 /// What is said of the file.
-struct Written {
+struct SplatsReport {
     text: String,
     json: Value,
 }
@@ -77,7 +77,7 @@ fn bsp(
     store: &Store,
     levels: &SplatLevels,
     bars: &dyn Progress,
-) -> Result<Written, Failure> {
+) -> Result<SplatsReport, Failure> {
     let meta = store.meta();
     let summary = write_bsp(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], &args.output, bars)?;
     Ok(said(args, store, &summary, summary.bytes))
@@ -88,7 +88,7 @@ fn page(
     store: &Store,
     levels: &SplatLevels,
     bars: &dyn Progress,
-) -> Result<Written, Failure> {
+) -> Result<SplatsReport, Failure> {
     let meta = store.meta();
     let (bytes, summary) = bsp_bytes(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], bars)?;
     let written = write_page(&bytes, &args.output)?;
@@ -96,7 +96,7 @@ fn page(
 }
 
 /// What was written, all levels of it.
-fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> Written {
+fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> SplatsReport {
     let bits = summary.bytes as f64 * 8.0 / (summary.splats.max(1)) as f64;
     let BspSummary { splats, finest, error, .. } = *summary;
     // What is stated is never less than it is.
@@ -116,11 +116,11 @@ fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> W
         "splat_bytes": summary.bytes,
         "unit": store.meta().unit,
     });
-    Written { text, json }
+    SplatsReport { text, json }
 }
 
-fn ply(args: &SplatsArgs, levels: &SplatLevels) -> Result<Written, Failure> {
+fn ply(args: &SplatsArgs, levels: &SplatLevels) -> Result<SplatsReport, Failure> {
     let splats = write_ply(levels, args.level, &args.output)?;
     let text = format!("{}: {splats} splats", in_line(&args.output));
-    Ok(Written { text, json: json!({ "output": args.output.display().to_string(), "splats": splats }) })
+    Ok(SplatsReport { text, json: json!({ "output": args.output.display().to_string(), "splats": splats }) })
 }

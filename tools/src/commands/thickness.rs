@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::table::{Table, TableKind, to_place};
 use anyhow::anyhow;
-use brickfield_engine::analysis::{Covering, beads_at_points};
+use brickfield_engine::analysis::{CoveringPass, beads_at_points};
 use brickfield_engine::contour::{ContourOptions, contour, foresee_triangles};
 use brickfield_engine::distance::thickness::{Method, Options, PreviousContact, at_world, thin_regions};
 use brickfield_engine::distance::{Region, ScalarPly, Surface};
@@ -110,11 +110,11 @@ pub(super) fn layers_of(store: &Store, regions: &[&Region]) -> Result<Vec<[Value
     };
     let places: Vec<[f64; 3]> = regions.iter().flat_map(|region| region.ends).collect();
     let beads = beads_at_points(store, &tables, &places)?;
-    let layers = |found: &Vec<Covering>| -> Vec<u32> {
+    let layers = |found: &Vec<CoveringPass>| -> Vec<u32> {
         found.iter().map(|found| tables.beads[tables.bead_of(found.number).0 as usize].layer + 1).collect()
     };
     let told = |layer: Option<u32>| layer.map_or(Value::Null, |layer| json!(layer));
-    let pair = |ends: &[Vec<Covering>]| {
+    let pair = |ends: &[Vec<CoveringPass>]| {
         let [low, high] = [0, 1].map(|n| layers(&ends[n]));
         [told(low.into_iter().min()), told(high.into_iter().max())]
     };

@@ -9,8 +9,8 @@ use crate::output::{in_line, require_distinct};
 use crate::picture_args::{ColourArg, StyleArg};
 use crate::style_file::{self, StyleFile};
 use crate::view::{
-    CpuPainter, Line, Look, Painter, Part, Saying, Screenshots, Session, Step, VulkanPainter, Window, place,
-    quoted, read_script,
+    Appearance, CpuPainter, Painter, ScreenshotMessages, Screenshots, ScriptLine, ScriptStep, Session,
+    ViewedStore, VulkanPainter, Window, place, quoted, read_script,
 };
 use crate::view_args::WindowArgs;
 use anyhow::anyhow;
@@ -32,14 +32,14 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     let caches = memory::render_caches(args.memory, device.as_ref(), &store, args.size.0, false);
-    let mut looks = Looks::new();
+    let mut looks = NamedStyles::new();
     let style = match &args.style {
         StyleArg::Named(make) => Style::NAMED.iter().position(|(_, named)| named() == make()).unwrap_or(0),
         StyleArg::File(path) => looks.add(path, &store)?,
     };
     let part = part(args, &store)?;
     check(args, &script, &store, &part, &mut looks)?;
-    let part = Part { styles: looks.names, ..part };
+    let part = ViewedStore { styles: looks.names, ..part };
     let meta = store.meta();
     let options = RenderOptions {
         style: looks.looks[style].style.clone(),
@@ -68,9 +68,9 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
             None => " --backend vulkan".to_owned(),
         },
         saying: match (args.json, args.work.quiet) {
-            (true, _) => Saying::Json,
-            (false, true) => Saying::Nothing,
-            (false, false) => Saying::Text,
+            (true, _) => ScreenshotMessages::Json,
+            (false, true) => ScreenshotMessages::Nothing,
+            (false, false) => ScreenshotMessages::Text,
         },
     };
     // What makes no picture is refused before a window is opened.
@@ -92,19 +92,19 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
 }
 
 /// Styles by their names.
-struct Looks {
+struct NamedStyles {
     names: Vec<String>,
-    looks: Vec<Look>,
+    looks: Vec<Appearance>,
 }
 
-impl Looks {
+impl NamedStyles {
     /// Those that are built in.
-    fn new() -> Looks {
+    fn new() -> NamedStyles {
         let named = Style::NAMED.iter();
         let (names, looks) = named
-            .map(|(name, style)| ((*name).to_owned(), Look { style: style(), background: WHITE }))
+            .map(|(name, style)| ((*name).to_owned(), Appearance { style: style(), background: WHITE }))
             .unzip();
-        Looks { names, looks }
+        NamedStyles { names, looks }
     }
 
     /// That of a file as well; its number.
@@ -115,7 +115,7 @@ impl Looks {
         }
         let StyleFile { style, background } = style_file::read(path, &store.meta().unit)?;
         let ColourArg(background) = background.unwrap_or(ColourArg(WHITE));
-        self.looks.push(Look { style, background });
+        self.looks.push(Appearance { style, background });
         self.names.push(name);
         Ok(self.names.len() - 1)
     }
@@ -133,7 +133,7 @@ fn require_size([width, height]: [u32; 2]) -> Result<(), String> {
     Err(format!("no window has {width} × {height} pixels; choose fewer, at most {PIXELS_MAX} in all"))
 }
 
-fn part(args: &WindowArgs, store: &Store) -> Result<Part, Failure> {
+fn part(args: &WindowArgs, store: &Store) -> Result<ViewedStore, Failure> {
     let meta = store.meta();
     let deepest = store.deepest_level();
     let pitch = match args.layer_height {
@@ -147,28 +147,30 @@ fn part(args: &WindowArgs, store: &Store) -> Result<Part, Failure> {
             "--layer-height {pitch} makes too many layers; choose thicker ones"
         )));
     }
-    Ok(Part { bounds, unit: meta.unit.clone(), pitch, styles: Vec::new() })
+    Ok(ViewedStore { bounds, unit: meta.unit.clone(), pitch, styles: Vec::new() })
 }
 
 /// Refuses a script that will not do, before a window is opened.
 fn check(
     args: &WindowArgs,
-    script: &[Line],
+    script: &[ScriptLine],
     store: &Store,
-    part: &Part,
-    looks: &mut Looks,
+    part: &ViewedStore,
+    looks: &mut NamedStyles,
 ) -> Result<(), Failure> {
     let mut outputs: Vec<&Path> = Vec::new();
-    for Line { number, step } in script {
+    for ScriptLine { number, step } in script {
         let refused = |what: String| {
             let name = args.script.as_deref().map_or_else(String::new, in_line);
             anyhow!("{name}: line {number}: {what}")
         };
         match step {
-            Step::Size(size) => require_size(*size).map_err(refused)?,
-            Step::Cut(Some(cut)) => drop(place(*cut, part).map_err(refused)?),
-            Step::Style(name) if !looks.names.contains(name) => drop(looks.add(Path::new(name), store)?),
-            Step::Screenshot(path) if !outputs.contains(&path.as_path()) => outputs.push(path),
+            ScriptStep::Size(size) => require_size(*size).map_err(refused)?,
+            ScriptStep::Cut(Some(cut)) => drop(place(*cut, part).map_err(refused)?),
+            ScriptStep::Style(name) if !looks.names.contains(name) => {
+                drop(looks.add(Path::new(name), store)?)
+            }
+            ScriptStep::Screenshot(path) if !outputs.contains(&path.as_path()) => outputs.push(path),
             _ => {}
         }
     }

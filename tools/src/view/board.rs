@@ -1,6 +1,6 @@
 //! Where a painter's rows are put together for the window, which looks at them whenever it likes.
 
-use super::painter::{By, Painter, Rows, Until};
+use super::painter::{Painter, PixelSource, Rows, StopConditions};
 use super::session::Shot;
 use brickfield_engine::picture::Rgba;
 use brickfield_engine::{Error, Progress};
@@ -21,7 +21,7 @@ pub struct Picture {
     /// The number of the wish that it answers in full; 0 while it is being painted.
     pub complete: u64,
     /// Whose pixels it has when it is complete.
-    pub by: By,
+    pub by: PixelSource,
 }
 
 /// What the window wants, and what there is of it. The painter works on a thread of its own ([`Board::work`]).
@@ -57,8 +57,8 @@ impl Board {
     }
 
     /// Lets [`Board::work`] return when the guard goes, however that comes.
-    pub fn over_at_end(&self) -> Over<'_> {
-        Over(self)
+    pub fn over_at_end(&self) -> BoardGuard<'_> {
+        BoardGuard(self)
     }
 
     /// Paints what is wished for, and calls `tell` whenever there is something new to see. Returns when it is over.
@@ -67,7 +67,7 @@ impl Board {
     /// What the painter gives, but for being interrupted.
     pub fn work(&self, painter: &mut dyn Painter, tell: &dyn Fn()) -> Result<(), Error> {
         while let Some((number, shot)) = self.next() {
-            let until = Until { another: &Stop { board: self, number }, over: &End(self) };
+            let until = StopConditions { another: &Stop { board: self, number }, over: &End(self) };
             let mut told = Instant::now();
             let mut show = |rows: Rows<'_>| {
                 let ends = rows.from as usize + rows.pixels.len() / rows.size[0].max(1) as usize;
@@ -109,9 +109,9 @@ impl Board {
 }
 
 /// Ends the work on a board as it is dropped.
-pub struct Over<'a>(&'a Board);
+pub struct BoardGuard<'a>(&'a Board);
 
-impl Drop for Over<'_> {
+impl Drop for BoardGuard<'_> {
     fn drop(&mut self) {
         // Under the lock, so that nobody misses it between looking and waiting.
         let _wish = lock(&self.0.wish);
@@ -209,9 +209,9 @@ mod tests {
         fn paint(
             &mut self,
             shot: &Shot,
-            until: Until<'_>,
+            until: StopConditions<'_>,
             show: &mut dyn FnMut(Rows<'_>),
-        ) -> Result<By, Error> {
+        ) -> Result<PixelSource, Error> {
             show(Rows { size: [1, 1], from: 0, pixels: &[[shot.size[0] as u8; 4]] });
             self.0.send(shot.size).expect("the test looks on");
             // One wish of the test is the only one that may be finished.
@@ -227,7 +227,7 @@ mod tests {
                     }
                 }
                 if is_last {
-                    return Ok(By::Processor);
+                    return Ok(PixelSource::Processor);
                 }
                 until.another.check()?;
                 std::thread::yield_now();

@@ -20,9 +20,9 @@ mod session;
 mod vulkan;
 mod window;
 
-pub use painter::{CpuPainter, Look, Painter};
-pub use screenshots::{Saying, Screenshots};
-pub use script::{Line, Step, place, read as read_script};
-pub use session::{Part, Session, quoted};
+pub use painter::{Appearance, CpuPainter, Painter};
+pub use screenshots::{ScreenshotMessages, Screenshots};
+pub use script::{ScriptLine, ScriptStep, place, read as read_script};
+pub use session::{Session, ViewedStore, quoted};
 pub use vulkan::VulkanPainter;
 pub use window::Window;

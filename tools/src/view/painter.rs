@@ -26,7 +26,7 @@ pub struct Rows<'a> {
 
 /// What tells a painter to leave off.
 #[derive(Clone, Copy)]
-pub struct Until<'a> {
+pub struct StopConditions<'a> {
     /// Another picture is wanted, or none.
     pub another: &'a dyn Progress,
     /// No picture is wanted any more.
@@ -35,7 +35,7 @@ pub struct Until<'a> {
 
 /// Whose pixels a complete picture has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum By {
+pub enum PixelSource {
     /// Those of `render --backend cpu`.
     #[default]
     Processor,
@@ -51,19 +51,24 @@ pub trait Painter {
     /// # Errors
     /// [`Error::Interrupted`] as soon as it is over, and behind the first step as soon as another picture is wanted; what
     /// reading the store gives.
-    fn paint(&mut self, shot: &Shot, until: Until<'_>, show: &mut dyn FnMut(Rows<'_>)) -> Result<By, Error>;
+    fn paint(
+        &mut self,
+        shot: &Shot,
+        until: StopConditions<'_>,
+        show: &mut dyn FnMut(Rows<'_>),
+    ) -> Result<PixelSource, Error>;
 }
 
 /// A style and what lies behind.
 #[derive(Clone, Debug)]
-pub struct Look {
+pub struct Appearance {
     pub style: Style,
     pub background: Rgba,
 }
 
 /// The processor, by rays.
 pub struct CpuPainter<'a> {
-    looks: Vec<Look>,
+    looks: Vec<Appearance>,
     /// What the shots have in common.
     options: RenderOptions,
     /// The last one: its index and bricks are at hand for the next.
@@ -74,13 +79,13 @@ pub struct CpuPainter<'a> {
 impl<'a> CpuPainter<'a> {
     /// Paints what `scene` shows in the styles that shots name by their number. Of its `options`, what a shot says does
     /// not matter.
-    pub fn new(scene: Scene<'a>, looks: Vec<Look>, options: RenderOptions) -> CpuPainter<'a> {
+    pub fn new(scene: Scene<'a>, looks: Vec<Appearance>, options: RenderOptions) -> CpuPainter<'a> {
         CpuPainter { looks, options, scene, coarseness: COARSENESS[1] }
     }
 
     /// The options for a picture of a shot.
     pub(super) fn options(&self, shot: &Shot) -> RenderOptions {
-        let Look { style, background } = self.looks[shot.style].clone();
+        let Appearance { style, background } = self.looks[shot.style].clone();
         RenderOptions {
             style,
             background,
@@ -113,7 +118,12 @@ impl<'a> CpuPainter<'a> {
 }
 
 impl Painter for CpuPainter<'_> {
-    fn paint(&mut self, shot: &Shot, until: Until<'_>, show: &mut dyn FnMut(Rows<'_>)) -> Result<By, Error> {
+    fn paint(
+        &mut self,
+        shot: &Shot,
+        until: StopConditions<'_>,
+        show: &mut dyn FnMut(Rows<'_>),
+    ) -> Result<PixelSource, Error> {
         let whole = self.options(shot);
         let started = Instant::now();
         // Another picture does not stop it: who moves all the time would see nothing.
@@ -123,7 +133,7 @@ impl Painter for CpuPainter<'_> {
             self.step(&RenderOptions { supersample: 1, ..whole.clone() }, until.another, show)?;
         }
         self.step(&whole, until.another, show)?;
-        Ok(By::Processor)
+        Ok(PixelSource::Processor)
     }
 }
 

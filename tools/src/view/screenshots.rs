@@ -1,7 +1,7 @@
 //! Screenshots as files, and what is said of them.
 
 use super::board::Picture;
-use super::painter::By;
+use super::painter::PixelSource;
 use super::session::{Session, Shot};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// How much is said of a screenshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Saying {
+pub enum ScreenshotMessages {
     Nothing,
     Text,
     Json,
@@ -27,7 +27,7 @@ pub struct Screenshots {
     pub options: String,
     /// Those by which it draws on the device that may paint.
     pub device: String,
-    pub saying: Saying,
+    pub saying: ScreenshotMessages,
 }
 
 impl Screenshots {
@@ -52,15 +52,19 @@ impl Screenshots {
         let mut rows = picture.pixels.chunks_exact(size[0] as usize);
         write_png(path, size, opaque, |file| rows.try_for_each(|row| file.row(row)))?;
         let backend = match picture.by {
-            By::Processor => " --backend cpu",
-            By::Device => &self.device,
+            PixelSource::Processor => " --backend cpu",
+            PixelSource::Device => &self.device,
         };
         let options = session.options(shot) + &self.options + backend;
         let name = in_line(path);
         match self.saying {
-            Saying::Nothing => Ok(()),
-            Saying::Json => print_json(&json!({ "output": name, "size": size, "render": options })),
-            Saying::Text => print(&format!("{name}: {} × {} pixels, as render {options}", size[0], size[1])),
+            ScreenshotMessages::Nothing => Ok(()),
+            ScreenshotMessages::Json => {
+                print_json(&json!({ "output": name, "size": size, "render": options }))
+            }
+            ScreenshotMessages::Text => {
+                print(&format!("{name}: {} × {} pixels, as render {options}", size[0], size[1]))
+            }
         }
     }
 }

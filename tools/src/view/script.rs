@@ -1,12 +1,12 @@
 //! Scripts for the window: a command a line.
 
-use super::session::{Button, Event, Key, Part, Request, Session, letter};
+use super::session::{Button, Event, Key, Session, ViewedStore, WindowRequest, letter};
 use crate::output::in_line;
 use crate::picture_args::{AxisArg, CutArg, PixelsArg, StyleArg, ViewArg};
 use crate::units::Position;
 use anyhow::{Context, anyhow};
 use brickfield_engine::lattice::Axis;
-use brickfield_engine::render::Cut;
+use brickfield_engine::render::CutPlane;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -18,7 +18,7 @@ const PAUSE_MAX: f64 = 3600.0;
 
 /// A command.
 #[derive(Clone, Debug)]
-pub enum Step {
+pub enum ScriptStep {
     Orbit([f64; 2]),
     Pan([f64; 2]),
     Zoom(f64),
@@ -45,16 +45,16 @@ pub enum Step {
 
 /// A command and its line, from 1.
 #[derive(Clone, Debug)]
-pub struct Line {
+pub struct ScriptLine {
     pub number: usize,
-    pub step: Step,
+    pub step: ScriptStep,
 }
 
 /// Reads a script, `-` for standard input.
 ///
 /// # Errors
 /// One line on what is wrong: file, line, and what is expected.
-pub fn read(path: &Path) -> anyhow::Result<Vec<Line>> {
+pub fn read(path: &Path) -> anyhow::Result<Vec<ScriptLine>> {
     let name = in_line(path);
     let mut text = String::new();
     let read = if path == Path::new("-") {
@@ -71,123 +71,129 @@ pub fn read(path: &Path) -> anyhow::Result<Vec<Line>> {
 }
 
 /// The commands of a text, or what is wrong with it.
-fn parse(text: &str) -> Result<Vec<Line>, String> {
+fn parse(text: &str) -> Result<Vec<ScriptLine>, String> {
     let mut lines = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
         let line = line.split('#').next().unwrap_or_default().trim();
         if !line.is_empty() {
             let step = line.parse().map_err(|what| format!("line {number}: {what}"))?;
-            lines.push(Line { number, step });
+            lines.push(ScriptLine { number, step });
         }
     }
     Ok(lines)
 }
 
 /// The cut in a part, or why there is none.
-pub fn place(cut: CutArg, part: &Part) -> Result<Cut, String> {
+pub fn place(cut: CutArg, part: &ViewedStore) -> Result<CutPlane, String> {
     let (axis, unit) = (Axis::from(cut.axis), &part.unit);
     let at = cut.at.in_unit_of(unit).ok_or("the store has no unit of length; give numbers alone")?;
     let [low, high] = part.ends(axis);
     let leaves = if cut.above { low < at && at <= high } else { low <= at && at < high };
     if leaves {
-        return Ok(Cut { axis, at, above: cut.above });
+        return Ok(CutPlane { axis, at, above: cut.above });
     }
     let letter = letter(axis);
     Err(format!("a cut at {letter} = {at} leaves all or nothing; choose one from {low} to {high} {unit}"))
 }
 
-impl Step {
+impl ScriptStep {
     /// Does what needs no window but a session; what only a window can do is left.
-    pub fn perform(&self, session: &mut Session) -> Option<Request> {
+    pub fn perform(&self, session: &mut Session) -> Option<WindowRequest> {
         match *self {
-            Step::Orbit(by) => session.orbit(by),
-            Step::Pan(by) => session.pan(by),
-            Step::Zoom(factor) => session.zoom(factor),
-            Step::View(view) => session.look(view.0),
-            Step::Perspective(degrees) => session.set_opening(degrees),
-            Step::Fit => session.fit(),
-            Step::Cut(None) => session.set_cut(None),
-            Step::Cut(Some(cut)) => {
+            ScriptStep::Orbit(by) => session.orbit(by),
+            ScriptStep::Pan(by) => session.pan(by),
+            ScriptStep::Zoom(factor) => session.zoom(factor),
+            ScriptStep::View(view) => session.look(view.0),
+            ScriptStep::Perspective(degrees) => session.set_opening(degrees),
+            ScriptStep::Fit => session.fit(),
+            ScriptStep::Cut(None) => session.set_cut(None),
+            ScriptStep::Cut(Some(cut)) => {
                 let placed = place(cut, session.part());
                 session.set_cut(placed.ok());
             }
-            Step::Layer(layer) => session.set_layer(layer),
-            Step::Style(ref name) => {
+            ScriptStep::Layer(layer) => session.set_layer(layer),
+            ScriptStep::Style(ref name) => {
                 let number = session.part().styles.iter().position(|style| style == name);
                 number.into_iter().for_each(|number| session.set_style(number));
             }
-            Step::Key(key) => return session.handle(Event::Key(key)),
-            Step::Drag { button, from, to } => {
+            ScriptStep::Key(key) => return session.handle(Event::Key(key)),
+            ScriptStep::Drag { button, from, to } => {
                 let press = Event::Press { button, shift: false };
                 for event in [Event::Point(from), press, Event::Point(to), Event::Release] {
                     session.handle(event);
                 }
             }
-            Step::Wheel(notches) => drop(session.handle(Event::Wheel(notches))),
-            Step::Quit => return Some(Request::Quit),
-            Step::Size(_) | Step::Wait | Step::Pause(_) | Step::Screenshot(_) => {}
+            ScriptStep::Wheel(notches) => drop(session.handle(Event::Wheel(notches))),
+            ScriptStep::Quit => return Some(WindowRequest::Quit),
+            ScriptStep::Size(_) | ScriptStep::Wait | ScriptStep::Pause(_) | ScriptStep::Screenshot(_) => {}
         }
         None
     }
 }
 
-impl FromStr for Step {
+impl FromStr for ScriptStep {
     type Err = String;
 
-    fn from_str(line: &str) -> Result<Step, String> {
+    fn from_str(line: &str) -> Result<ScriptStep, String> {
         let (command, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim();
         match command {
-            "orbit" => Ok(Step::Orbit(numbers(rest, "two angles in degrees, as in orbit 30 10")?)),
-            "pan" => Ok(Step::Pan(numbers(rest, "pixels to the right and upward, as in pan 100 -20")?)),
+            "orbit" => Ok(ScriptStep::Orbit(numbers(rest, "two angles in degrees, as in orbit 30 10")?)),
+            "pan" => Ok(ScriptStep::Pan(numbers(rest, "pixels to the right and upward, as in pan 100 -20")?)),
             "zoom" => {
                 let expected = "a factor above 0, as in zoom 2";
                 let [factor] = numbers(rest, expected)?;
-                if factor > 0.0 { Ok(Step::Zoom(factor)) } else { Err(format!("expected {expected}")) }
+                if factor > 0.0 { Ok(ScriptStep::Zoom(factor)) } else { Err(format!("expected {expected}")) }
             }
-            "view" => Ok(Step::View(rest.parse()?)),
+            "view" => Ok(ScriptStep::View(rest.parse()?)),
             "perspective" => {
                 let expected = "off, or 1 to 150 degrees, as in perspective 30";
                 let [degrees] = if rest == "off" { [0.0] } else { numbers(rest, expected)? };
                 let is_sound = rest == "off" || (1.0..=150.0).contains(&degrees);
-                if is_sound { Ok(Step::Perspective(degrees)) } else { Err(format!("expected {expected}")) }
+                if is_sound {
+                    Ok(ScriptStep::Perspective(degrees))
+                } else {
+                    Err(format!("expected {expected}"))
+                }
             }
-            "fit" => bare(rest, Step::Fit),
-            "cut" if rest == "off" => Ok(Step::Cut(None)),
-            "cut" => Ok(Step::Cut(Some(cut(rest)?))),
+            "fit" => bare(rest, ScriptStep::Fit),
+            "cut" if rest == "off" => Ok(ScriptStep::Cut(None)),
+            "cut" => Ok(ScriptStep::Cut(Some(cut(rest)?))),
             "layer" => {
                 let expected = "a layer from 1 on, as in layer 12";
                 let layer = rest.parse::<u32>().ok().filter(|layer| *layer > 0);
-                layer.map(|layer| Step::Layer(layer.into())).ok_or_else(|| format!("expected {expected}"))
+                layer
+                    .map(|layer| ScriptStep::Layer(layer.into()))
+                    .ok_or_else(|| format!("expected {expected}"))
             }
-            "style" => rest.parse::<StyleArg>().map(|_| Step::Style(rest.to_owned())),
-            "size" => rest.parse().map(|PixelsArg(size)| Step::Size(size)),
-            "key" => key(rest).map(Step::Key).ok_or_else(|| {
+            "style" => rest.parse::<StyleArg>().map(|_| ScriptStep::Style(rest.to_owned())),
+            "size" => rest.parse().map(|PixelsArg(size)| ScriptStep::Size(size)),
+            "key" => key(rest).map(ScriptStep::Key).ok_or_else(|| {
                 "expected a letter or digit, up, down, pageup, pagedown, home, end or escape".to_owned()
             }),
             "drag" => drag(rest),
             "wheel" => {
                 let [notches] = numbers(rest, "notches, as in wheel -2")?;
-                Ok(Step::Wheel(notches))
+                Ok(ScriptStep::Wheel(notches))
             }
-            "wait" => bare(rest, Step::Wait),
+            "wait" => bare(rest, ScriptStep::Wait),
             "pause" => {
                 let expected = "seconds, as in pause 0.5";
                 let [seconds] = numbers(rest, expected)?;
                 let is_sound = (0.0..=PAUSE_MAX).contains(&seconds);
-                if is_sound { Ok(Step::Pause(seconds)) } else { Err(format!("expected {expected}")) }
+                if is_sound { Ok(ScriptStep::Pause(seconds)) } else { Err(format!("expected {expected}")) }
             }
             "screenshot" if Path::new(rest).extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) => {
-                Ok(Step::Screenshot(rest.into()))
+                Ok(ScriptStep::Screenshot(rest.into()))
             }
             "screenshot" => Err("the screenshot's name must end in .png".to_owned()),
-            "quit" => bare(rest, Step::Quit),
+            "quit" => bare(rest, ScriptStep::Quit),
             _ => Err(format!("there is no command {command}; `brickfield view --help` lists them")),
         }
     }
 }
 
-fn bare(rest: &str, step: Step) -> Result<Step, String> {
+fn bare(rest: &str, step: ScriptStep) -> Result<ScriptStep, String> {
     if rest.is_empty() { Ok(step) } else { Err(format!("{rest} is too much here")) }
 }
 
@@ -234,7 +240,7 @@ fn key(name: &str) -> Option<Key> {
     keys.into_iter().find_map(|(known, key)| (known == name).then_some(key))
 }
 
-fn drag(rest: &str) -> Result<Step, String> {
+fn drag(rest: &str) -> Result<ScriptStep, String> {
     let expected = "a button and two places in pixels, as in drag left 100 100 180 120";
     let (button, places) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
     let button = match button {
@@ -244,7 +250,7 @@ fn drag(rest: &str) -> Result<Step, String> {
         _ => return Err(format!("expected {expected}")),
     };
     let [x0, y0, x1, y1] = numbers(places, expected)?;
-    Ok(Step::Drag { button, from: [x0, y0], to: [x1, y1] })
+    Ok(ScriptStep::Drag { button, from: [x0, y0], to: [x1, y1] })
 }
 
 #[cfg(test)]
@@ -258,10 +264,12 @@ mod tests {
                     perspective\t30\nperspective off\npan 1 2\nfit\nwait\npause 0.1\nscreenshot a b.png\nquit\n";
         let lines = parse(text).unwrap();
         assert_eq!((lines.len(), lines[0].number, lines[1].number), (22, 2, 4));
-        assert!(matches!(lines[0].step, Step::Orbit([30.0, -10.0])));
-        assert!(matches!(&lines[3].step, Step::Cut(Some(cut)) if cut.axis == AxisArg::X && !cut.above));
-        assert!(matches!(&lines[2].step, Step::Cut(Some(cut)) if cut.at.in_unit_of("mm") == Some(12.0)));
-        assert!(matches!(&lines[20].step, Step::Screenshot(path) if path == Path::new("a b.png")));
+        assert!(matches!(lines[0].step, ScriptStep::Orbit([30.0, -10.0])));
+        assert!(matches!(&lines[3].step, ScriptStep::Cut(Some(cut)) if cut.axis == AxisArg::X && !cut.above));
+        assert!(
+            matches!(&lines[2].step, ScriptStep::Cut(Some(cut)) if cut.at.in_unit_of("mm") == Some(12.0))
+        );
+        assert!(matches!(&lines[20].step, ScriptStep::Screenshot(path) if path == Path::new("a b.png")));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What the user looks at: events in, what is to be drawn out. Knows no window, so that it is tested without one.
 
 use brickfield_engine::lattice::Axis;
-use brickfield_engine::render::{Cut, Focus, View};
+use brickfield_engine::render::{CutPlane, Focus, View};
 
 /// Degrees that the part turns for each pixel of a drag.
 const DEGREES_A_PIXEL: f64 = 0.4;
@@ -18,7 +18,7 @@ const SLIDER_WIDTH: f64 = 28.0;
 
 /// What the session needs to know of a store.
 #[derive(Clone, Debug)]
-pub struct Part {
+pub struct ViewedStore {
     /// Least and greatest world coordinates.
     pub bounds: [[f64; 3]; 2],
     /// The unit's symbol, for messages.
@@ -29,7 +29,7 @@ pub struct Part {
     pub styles: Vec<String>,
 }
 
-impl Part {
+impl ViewedStore {
     /// Where the part begins and ends along an axis.
     pub fn ends(&self, axis: Axis) -> [f64; 2] {
         self.bounds.map(|corner| corner[axis.index()])
@@ -64,8 +64,8 @@ impl Part {
 pub struct Shot {
     pub view: View,
     pub focus: Focus,
-    pub cut: Option<Cut>,
-    /// By the number of [`Part::styles`].
+    pub cut: Option<CutPlane>,
+    /// By the number of [`ViewedStore::styles`].
     pub style: usize,
     /// Width and height in pixels.
     pub size: [u32; 2],
@@ -111,7 +111,7 @@ pub enum Event {
 
 /// What only the window can do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Request {
+pub enum WindowRequest {
     Screenshot,
     Quit,
 }
@@ -126,14 +126,14 @@ enum Drag {
 
 /// The state of the window.
 pub struct Session {
-    part: Part,
+    part: ViewedStore,
     size: [u32; 2],
     density: f64,
     view: View,
     focus: Focus,
     /// Whether the part is seen as a whole, and is to be when the window's size changes.
     fitted: bool,
-    cut: Option<Cut>,
+    cut: Option<CutPlane>,
     /// Where the plane was across each axis.
     rested: [f64; 3],
     style: usize,
@@ -144,7 +144,7 @@ pub struct Session {
 
 impl Session {
     /// The whole part from `view`.
-    pub fn new(part: Part, view: View, style: usize, size: [u32; 2]) -> Session {
+    pub fn new(part: ViewedStore, view: View, style: usize, size: [u32; 2]) -> Session {
         let rested = Axis::ALL.map(|axis| part.top_of(axis, (part.layers(axis) / 2.0).ceil()));
         let focus = Focus { centre: [0.0; 3], height: 1.0 };
         let (fitted, help, density) = (true, false, 1.0);
@@ -162,7 +162,7 @@ impl Session {
     }
 
     /// The part.
-    pub fn part(&self) -> &Part {
+    pub fn part(&self) -> &ViewedStore {
         &self.part
     }
 
@@ -192,7 +192,7 @@ impl Session {
         let View { azimuth, elevation, .. } = self.view;
         let style = &self.part.styles[self.style];
         let mut text = format!("{style}   view {azimuth:.0},{elevation:.0}");
-        if let Some(Cut { axis, at, above }) = self.cut {
+        if let Some(CutPlane { axis, at, above }) = self.cut {
             let (letter, unit) = (letter(axis), &self.part.unit);
             let (layer, layers) = (self.part.layer_at(axis, at), self.part.layers(axis));
             let sign = if above { '<' } else { '>' };
@@ -212,14 +212,14 @@ impl Session {
         if opening > 0.0 {
             text += &format!(" --perspective {opening}");
         }
-        if let Some(Cut { axis, at, above }) = shot.cut {
+        if let Some(CutPlane { axis, at, above }) = shot.cut {
             text += &format!(" --cut '{}{}{at}'", letter(axis), if above { '>' } else { '<' });
         }
         text
     }
 
     /// Takes note of what the user did.
-    pub fn handle(&mut self, event: Event) -> Option<Request> {
+    pub fn handle(&mut self, event: Event) -> Option<WindowRequest> {
         match event {
             Event::Press { button, shift } => self.press(button, shift),
             Event::Release => self.drag = None,
@@ -260,10 +260,10 @@ impl Session {
         }
     }
 
-    fn key(&mut self, key: Key) -> Option<Request> {
+    fn key(&mut self, key: Key) -> Option<WindowRequest> {
         match key {
-            Key::Escape | Key::Letter('q') => return Some(Request::Quit),
-            Key::Letter('s') => return Some(Request::Screenshot),
+            Key::Escape | Key::Letter('q') => return Some(WindowRequest::Quit),
+            Key::Letter('s') => return Some(WindowRequest::Screenshot),
             Key::Letter('h' | '?') => self.help = !self.help,
             Key::Letter('f') => self.fit(),
             Key::Letter('p') => self.set_opening(if self.view.opening > 0.0 { 0.0 } else { OPENING }),
@@ -361,7 +361,7 @@ impl Session {
     }
 
     /// Cuts the part, or closes it.
-    pub fn set_cut(&mut self, cut: Option<Cut>) {
+    pub fn set_cut(&mut self, cut: Option<CutPlane>) {
         self.cut = cut;
         if let Some(cut) = cut {
             self.rested[cut.axis.index()] = cut.at;
@@ -385,15 +385,15 @@ impl Session {
         let is_at_end = layer <= 0.0 || (same.is_some() && layer >= self.part.layers(axis));
         match is_at_end {
             true => self.rest(axis, layer, above),
-            false => self.set_cut(Some(Cut { axis, at, above })),
+            false => self.set_cut(Some(CutPlane { axis, at, above })),
         }
     }
 
     /// Moves the plane by layers, the first time from the upper end.
     fn step(&mut self, layers: f64) {
         let axis = self.slider_axis();
-        let Cut { at, above, .. } =
-            self.cut.unwrap_or(Cut { axis, at: self.part.ends(axis)[1], above: true });
+        let CutPlane { at, above, .. } =
+            self.cut.unwrap_or(CutPlane { axis, at: self.part.ends(axis)[1], above: true });
         self.rest(axis, self.part.layer_at(axis, at) + layers, above);
     }
 
@@ -402,7 +402,7 @@ impl Session {
         let layers = self.part.layers(axis);
         let [first, last] = if above { [1.0, layers] } else { [0.0, layers - 1.0] };
         let at = self.part.top_of(axis, layer.round().clamp(first, last));
-        self.set_cut(Some(Cut { axis, at, above }));
+        self.set_cut(Some(CutPlane { axis, at, above }));
     }
 
     /// Lays the plane where the pointer is on the slider.

@@ -1,6 +1,8 @@
 //! Pictures by a device, which get better as bricks come to it.
 
-use super::painter::{By, CpuPainter, Painter, Rows, Until, first, in_rows, next_coarseness};
+use super::painter::{
+    CpuPainter, Painter, PixelSource, Rows, StopConditions, first, in_rows, next_coarseness,
+};
 use super::session::Shot;
 use crate::output::warn;
 use brickfield_engine::gpu::Gpu;
@@ -34,7 +36,12 @@ impl<'a> VulkanPainter<'a> {
     }
 
     /// Paints a shot on the device, but for one that it cannot paint: false, also if it fails.
-    fn cast(&mut self, shot: &Shot, until: Until<'_>, show: &mut dyn FnMut(Rows<'_>)) -> Result<bool, Error> {
+    fn cast(
+        &mut self,
+        shot: &Shot,
+        until: StopConditions<'_>,
+        show: &mut dyn FnMut(Rows<'_>),
+    ) -> Result<bool, Error> {
         let whole = self.here.options(shot);
         if self.caster.has_failed()
             || !self.here.scene_of(&whole)?.frames().all(|frame| Caster::resolves(&frame))
@@ -100,14 +107,19 @@ impl<'a> VulkanPainter<'a> {
 }
 
 impl Painter for VulkanPainter<'_> {
-    fn paint(&mut self, shot: &Shot, until: Until<'_>, show: &mut dyn FnMut(Rows<'_>)) -> Result<By, Error> {
+    fn paint(
+        &mut self,
+        shot: &Shot,
+        until: StopConditions<'_>,
+        show: &mut dyn FnMut(Rows<'_>),
+    ) -> Result<PixelSource, Error> {
         let is_cast = self.cast(shot, until, show);
         self.tell();
         if is_cast? {
-            return Ok(By::Device);
+            return Ok(PixelSource::Device);
         }
         let by = self.here.paint(shot, until, show)?;
         // What is too close is the processor's in `render --backend vulkan`, too.
-        Ok(if self.caster.has_failed() { by } else { By::Device })
+        Ok(if self.caster.has_failed() { by } else { PixelSource::Device })
     }
 }

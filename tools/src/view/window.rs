@@ -4,8 +4,8 @@ use super::board::Board;
 use super::overlay;
 use super::painter::Painter;
 use super::screenshots::Screenshots;
-use super::script::{Line, Step};
-use super::session::{Button, Event, Key, Request, Session, Shot};
+use super::script::{ScriptLine, ScriptStep};
+use super::session::{Button, Event, Key, Session, Shot, WindowRequest};
 use crate::failure::Failure;
 use anyhow::anyhow;
 use brickfield_engine::gpu::{PresentOutcome, Presenter};
@@ -34,7 +34,7 @@ const WITHOUT: &str = "draw with `brickfield render`, which needs no window";
 
 /// What the painter's thread tells.
 #[derive(Clone, Copy, Debug)]
-enum News {
+enum PainterMessage {
     /// There is something new on the board.
     Rows,
     /// Nothing new will come.
@@ -45,7 +45,7 @@ enum News {
 pub struct Window {
     pub title: String,
     pub session: Session,
-    pub script: Vec<Line>,
+    pub script: Vec<ScriptLine>,
     pub screenshots: Screenshots,
 }
 
@@ -61,10 +61,10 @@ impl Window {
         std::thread::scope(|scope| {
             let over = board.over_at_end();
             let painting = scope.spawn(|| {
-                let end = TellsEnd(proxy);
+                let end = EndNotice(proxy);
                 // A window that is gone needs no news.
                 board.work(painter, &|| {
-                    let _ = end.0.send_event(News::Rows);
+                    let _ = end.0.send_event(PainterMessage::Rows);
                 })
             });
             let mut app = App::new(self, &board);
@@ -80,16 +80,16 @@ impl Window {
 }
 
 /// Tells that nothing new will come, whatever the reason.
-struct TellsEnd(EventLoopProxy<News>);
+struct EndNotice(EventLoopProxy<PainterMessage>);
 
-impl Drop for TellsEnd {
+impl Drop for EndNotice {
     fn drop(&mut self) {
-        let _ = self.0.send_event(News::Over);
+        let _ = self.0.send_event(PainterMessage::Over);
     }
 }
 
 /// The connection to the display.
-fn event_loop() -> Result<EventLoop<News>, Failure> {
+fn event_loop() -> Result<EventLoop<PainterMessage>, Failure> {
     // Where a library of the display is not there, winit panics; its message is enough.
     let hook = panic::take_hook();
     panic::set_hook(Box::new(|_| {}));
@@ -121,7 +121,7 @@ fn event_loop() -> Result<EventLoop<News>, Failure> {
 }
 
 /// What a script waits for.
-enum Waiting {
+enum ScriptWait {
     Picture,
     Screenshots,
     Size([u32; 2], Instant),
@@ -139,8 +139,8 @@ struct Screenshot {
 struct App<'a> {
     title: String,
     session: Session,
-    script: VecDeque<Line>,
-    waiting: Option<Waiting>,
+    script: VecDeque<ScriptLine>,
+    waiting: Option<ScriptWait>,
     screenshots: Screenshots,
     board: &'a Board,
     // Dropped in this order: pictures are shown in the window.
@@ -218,9 +218,9 @@ impl<'a> App<'a> {
         }
     }
 
-    fn grant(&mut self, request: Request) {
+    fn grant(&mut self, request: WindowRequest) {
         match request {
-            Request::Quit => {
+            WindowRequest::Quit => {
                 // Who asks twice does not want to wait.
                 if self.leaving {
                     self.screenshots_due.clear();
@@ -228,10 +228,10 @@ impl<'a> App<'a> {
                 self.leaving = true;
                 // Whatever the script is at.
                 self.waiting = None;
-                self.script = [Line { number: 0, step: Step::Quit }].into();
+                self.script = [ScriptLine { number: 0, step: ScriptStep::Quit }].into();
                 self.redraw();
             }
-            Request::Screenshot => self.take(None),
+            WindowRequest::Screenshot => self.take(None),
         }
     }
 
@@ -317,35 +317,35 @@ impl<'a> App<'a> {
             let is_free = self.screenshots_due.is_empty();
             match self.waiting.take() {
                 None => {}
-                Some(Waiting::Picture)
+                Some(ScriptWait::Picture)
                     if is_free && self.asked.as_ref().is_some_and(|(n, _)| *n == self.shown) => {}
-                Some(Waiting::Screenshots) if is_free => {}
-                Some(Waiting::Size(size, _)) if self.session.shot().size == size => {}
-                Some(Waiting::Size([width, height], until)) if Instant::now() >= until => {
+                Some(ScriptWait::Screenshots) if is_free => {}
+                Some(ScriptWait::Size(size, _)) if self.session.shot().size == size => {}
+                Some(ScriptWait::Size([width, height], until)) if Instant::now() >= until => {
                     let [w, h] = self.session.shot().size;
                     let what = format!("the window stays {w} x {h} pixels large, not {width} x {height}");
                     return Err(anyhow!("{what}; leave the command `size` out, or use --size").into());
                 }
-                Some(Waiting::Time(until)) if Instant::now() >= until => {}
+                Some(ScriptWait::Time(until)) if Instant::now() >= until => {}
                 Some(waiting) => {
                     let until = match waiting {
-                        Waiting::Size(_, until) | Waiting::Time(until) => Some(until),
-                        Waiting::Picture | Waiting::Screenshots => None,
+                        ScriptWait::Size(_, until) | ScriptWait::Time(until) => Some(until),
+                        ScriptWait::Picture | ScriptWait::Screenshots => None,
                     };
                     self.waiting = Some(waiting);
                     return Ok(until);
                 }
             }
-            let Some(Line { step, .. }) = self.script.pop_front() else { return Ok(None) };
+            let Some(ScriptLine { step, .. }) = self.script.pop_front() else { return Ok(None) };
             match step.perform(&mut self.session) {
-                Some(Request::Quit) if is_free => {
+                Some(WindowRequest::Quit) if is_free => {
                     events.exit();
                     return Ok(None);
                 }
-                Some(Request::Quit) => {
+                Some(WindowRequest::Quit) => {
                     self.leaving = true;
-                    self.script = [Line { number: 0, step: Step::Quit }].into();
-                    self.waiting = Some(Waiting::Screenshots);
+                    self.script = [ScriptLine { number: 0, step: ScriptStep::Quit }].into();
+                    self.waiting = Some(ScriptWait::Screenshots);
                     return Ok(None);
                 }
                 Some(request) => self.grant(request),
@@ -357,19 +357,21 @@ impl<'a> App<'a> {
     }
 
     /// What a step is done by.
-    fn wait_for(&mut self, step: Step) -> Option<Waiting> {
+    fn wait_for(&mut self, step: ScriptStep) -> Option<ScriptWait> {
         match step {
-            Step::Wait => Some(Waiting::Picture),
-            Step::Screenshot(path) => {
+            ScriptStep::Wait => Some(ScriptWait::Picture),
+            ScriptStep::Screenshot(path) => {
                 self.take(Some(path));
-                Some(Waiting::Screenshots)
+                Some(ScriptWait::Screenshots)
             }
-            Step::Pause(seconds) => Some(Waiting::Time(Instant::now() + Duration::from_secs_f64(seconds))),
-            Step::Size(size) => {
+            ScriptStep::Pause(seconds) => {
+                Some(ScriptWait::Time(Instant::now() + Duration::from_secs_f64(seconds)))
+            }
+            ScriptStep::Size(size) => {
                 let window = self.window.as_ref()?;
                 // Some systems tell at once, others by an event.
                 let _ = window.request_inner_size(PhysicalSize::new(size[0], size[1]));
-                Some(Waiting::Size(size, Instant::now() + RESIZE_TIME))
+                Some(ScriptWait::Size(size, Instant::now() + RESIZE_TIME))
             }
             _ => None,
         }
@@ -382,7 +384,7 @@ impl<'a> App<'a> {
     }
 }
 
-impl ApplicationHandler<News> for App<'_> {
+impl ApplicationHandler<PainterMessage> for App<'_> {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.window.is_none()
             && let Err(error) = self.open(events)
@@ -391,16 +393,16 @@ impl ApplicationHandler<News> for App<'_> {
         }
     }
 
-    fn user_event(&mut self, events: &ActiveEventLoop, news: News) {
+    fn user_event(&mut self, events: &ActiveEventLoop, news: PainterMessage) {
         match news {
-            News::Rows => self.redraw(),
-            News::Over => events.exit(),
+            PainterMessage::Rows => self.redraw(),
+            PainterMessage::Over => events.exit(),
         }
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         match event {
-            WindowEvent::CloseRequested => self.grant(Request::Quit),
+            WindowEvent::CloseRequested => self.grant(WindowRequest::Quit),
             WindowEvent::RedrawRequested => {
                 if let Err(error) = self.show() {
                     self.end(events, error);

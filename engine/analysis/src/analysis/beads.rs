@@ -12,7 +12,7 @@ const POINTS_AT_ONCE: usize = 1024;
 
 /// A pass that covers a point, or a bead where the store counts those.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Covering {
+pub struct CoveringPass {
     /// Number of the pass or bead in the store's tables: see [`BeadTables::bead_of`].
     pub number: u32,
     /// First and last line of the file that deposit what covers the point, from 1: of the pass's segments there, or of the
@@ -30,9 +30,9 @@ pub fn beads_at_points(
     store: &Store,
     tables: &BeadTables,
     points: &[[f64; 3]],
-) -> Result<Vec<Vec<Covering>>> {
+) -> Result<Vec<Vec<CoveringPass>>> {
     let solids = solids_of(store, tables)?;
-    let parts: Vec<Vec<Vec<Covering>>> = points
+    let parts: Vec<Vec<Vec<CoveringPass>>> = points
         .par_chunks(POINTS_AT_ONCE)
         .map(|chunk| of_chunk(store, tables, &solids, chunk))
         .collect::<Result<_>>()?;
@@ -59,7 +59,7 @@ fn of_chunk(
     tables: &BeadTables,
     solids: &Solids,
     points: &[[f64; 3]],
-) -> Result<Vec<Vec<Covering>>> {
+) -> Result<Vec<Vec<CoveringPass>>> {
     let edge = f64::from(1u32 << ROOT_BITS);
     let mut last: Option<(NodeKey, Vec<(Segment, u64)>)> = None;
     let mut of_point = |point: &[f64; 3]| {
@@ -77,12 +77,12 @@ fn of_chunk(
                 |s: &BeadSegment| (Segment { a: s.a, b: s.b, profile: s.section, pass: s.pass }, s.line);
             last = Some((leaf, stored.iter().map(segment).collect()));
         }
-        let mut found: Vec<Covering> = Vec::new();
+        let mut found: Vec<CoveringPass> = Vec::new();
         let segments = last.iter().flat_map(|(_, segments)| segments);
         for (segment, line) in segments.filter(|(segment, _)| solids.covers(segment, p)) {
             match found.last_mut().filter(|last| last.number == segment.pass) {
                 Some(last) => last.lines = (last.lines.0.min(*line), last.lines.1.max(*line)),
-                None => found.push(Covering { number: segment.pass, lines: (*line, *line) }),
+                None => found.push(CoveringPass { number: segment.pass, lines: (*line, *line) }),
             }
         }
         if tables.count() == Count::Beads {

@@ -152,7 +152,7 @@ impl<'a> Dense<'a> {
                 Some((last, brick)) if last == key => brick,
                 _ => self.tree.brick(key)?,
             };
-            let block = Block::new(&brick, key, self.level, [x, y, z]);
+            let block = BrickBlock::new(&brick, key, self.level, [x, y, z]);
             for (row, bytes) in strip.chunks_exact_mut(row_bytes).enumerate() {
                 let at = &mut bytes[x as usize * BRICK_CELLS * size..][..BRICK_CELLS * size];
                 block.fill_row([row % BRICK_CELLS, row / BRICK_CELLS], self.element, at);
@@ -179,7 +179,7 @@ pub fn covering(tree: &dyn BrickTree, level: u8, position: [u32; 3]) -> Result<(
 }
 
 /// Samples of a level in the place of one brick: those of its node, or of the part of a coarser leaf that covers it.
-pub struct Block<'a> {
+pub struct BrickBlock<'a> {
     brick: &'a Brick,
     /// Levels between the brick and the grid.
     up: u32,
@@ -187,13 +187,13 @@ pub struct Block<'a> {
     first: [usize; 3],
 }
 
-impl Block<'_> {
+impl BrickBlock<'_> {
     /// The place `position`, in bricks of `level`, in the brick of the node `key` that covers it.
-    pub fn new(brick: &Brick, key: NodeKey, level: u8, position: [u32; 3]) -> Block<'_> {
+    pub fn new(brick: &Brick, key: NodeKey, level: u8, position: [u32; 3]) -> BrickBlock<'_> {
         let up = u32::from(level - key.level());
         let of_brick = key.position();
         let first = std::array::from_fn(|a| (position[a] - (of_brick[a] << up)) as usize * BRICK_CELLS);
-        Block { brick, up, first }
+        BrickBlock { brick, up, first }
     }
 
     /// The integer sample at `[i, j, k]`, each in 0..=32.

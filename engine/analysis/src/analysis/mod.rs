@@ -12,8 +12,8 @@ mod tests;
 mod volume;
 
 pub use beads::solids_of;
-pub use beads::{Covering, beads_at_points};
-pub use export::{Block, Dense, Element, TakeRows, covering};
+pub use beads::{CoveringPass, beads_at_points};
+pub use export::{BrickBlock, Dense, Element, TakeRows, covering};
 pub(crate) use faces::share_beside;
 pub use overlap::{OverlapSum, Overlaps, PairOverlap, overlaps};
 pub use sample::{sample_at, winding_range};

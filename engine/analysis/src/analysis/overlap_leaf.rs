@@ -49,7 +49,7 @@ impl PairSums {
 
 /// What a leaf has.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct LeafOverlaps {
     pub pairs: BTreeMap<[u32; 2], PairSums>,
     /// Σ w(w − 1)/2 over its samples.
     pub field_samples: u128,
@@ -77,7 +77,7 @@ pub(super) fn of_leaf(
     solids: &Solids,
     segments: &[BeadSegment],
     follows: &dyn Fn(u32) -> bool,
-) -> Found {
+) -> LeafOverlaps {
     let mut passes: Vec<Pass<'_>> = Vec::new();
     for segments in segments.chunk_by(|a, b| a.pass == b.pass) {
         let number = segments[0].pass;
@@ -88,7 +88,7 @@ pub(super) fn of_leaf(
             .map(|_| Segment { b: segments[0].a, ..segment(&segments[0]) });
         passes.push(Pass { number, segments, joint, rows: rows(leaf.key, solids, segments) });
     }
-    let mut found = Found::default();
+    let mut found = LeafOverlaps::default();
     take_joints(leaf.key, solids, &mut passes);
     explain(leaf.brick, &mut passes, follows, &mut found);
     let bits = leaf.key.spacing_bits();
@@ -138,7 +138,7 @@ fn take_joints(key: NodeKey, solids: &Solids, passes: &mut [Pass<'_>]) {
 
 /// Compares the passes at each sample with w. Where they are more, passes that follow another there meet it at a joint that the
 /// leaf's list does not show, because the pass before ends beside the leaf.
-fn explain(brick: &Brick, passes: &mut [Pass<'_>], follows: &dyn Fn(u32) -> bool, found: &mut Found) {
+fn explain(brick: &Brick, passes: &mut [Pass<'_>], follows: &dyn Fn(u32) -> bool, found: &mut LeafOverlaps) {
     for row in 0..ROWS {
         let (j, k) = (row % BRICK_CELLS, row / BRICK_CELLS);
         for i in 0..BRICK_CELLS {

@@ -34,7 +34,7 @@ impl Operation {
 
 /// What is known of an operand, or of those up to one, within a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Known {
+pub(super) enum OperandState {
     /// Inside everywhere, or nowhere.
     All {
         inside: bool,
@@ -48,35 +48,38 @@ pub(super) enum Known {
 /// What the chain is within a node, and which operands decide it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Decision {
-    pub known: Known,
+    pub known: OperandState,
     /// The operands whose boundary may be the result's.
     pub mixed: Vec<usize>,
 }
 
 /// Decides a chain of operands, each with the operation before it; that of the first does not count.
-pub(super) fn decide(operations: &[Operation], operands: &[Known]) -> Decision {
+pub(super) fn decide(operations: &[Operation], operands: &[OperandState]) -> Decision {
     let mut mixed = Vec::new();
-    let mut before = Known::All { inside: false, certain: true };
+    let mut before = OperandState::All { inside: false, certain: true };
     for (number, (&operation, &operand)) in operations.iter().zip(operands).enumerate() {
         let operation = if number == 0 { Operation::Plus } else { operation };
         let turned = match (operation, operand) {
-            (Operation::Minus, Known::All { inside, certain }) => Known::All { inside: !inside, certain },
+            (Operation::Minus, OperandState::All { inside, certain }) => {
+                OperandState::All { inside: !inside, certain }
+            }
             _ => operand,
         };
         // In a sum what is inside decides, in the others what is outside.
         let decides = operation == Operation::Plus;
-        let absorbs = |known: Known| matches!(known, Known::All { inside, .. } if inside == decides);
-        let certain = |known: Known| matches!(known, Known::All { certain: true, .. });
+        let absorbs =
+            |known: OperandState| matches!(known, OperandState::All { inside, .. } if inside == decides);
+        let certain = |known: OperandState| matches!(known, OperandState::All { certain: true, .. });
         before = match (absorbs(before), absorbs(turned)) {
             (false, false) => {
-                if turned == Known::Mixed {
+                if turned == OperandState::Mixed {
                     mixed.push(number);
                 }
                 match (before, turned) {
-                    (Known::All { .. }, Known::All { .. }) => {
-                        Known::All { inside: !decides, certain: certain(before) && certain(turned) }
+                    (OperandState::All { .. }, OperandState::All { .. }) => {
+                        OperandState::All { inside: !decides, certain: certain(before) && certain(turned) }
                     }
-                    _ => Known::Mixed,
+                    _ => OperandState::Mixed,
                 }
             }
             (one, other) => {
@@ -84,7 +87,7 @@ pub(super) fn decide(operations: &[Operation], operands: &[Known]) -> Decision {
                     mixed.clear();
                 }
                 let certain = (one && certain(before)) || (other && certain(turned));
-                Known::All { inside: decides, certain }
+                OperandState::All { inside: decides, certain }
             }
         };
     }
@@ -99,8 +102,8 @@ mod tests {
     /// depends on each of those named.
     #[test]
     fn decisions_hold_whatever_is_not_known() {
-        let all = |inside| Known::All { inside, certain: true };
-        let kinds = [all(false), all(true), Known::Mixed];
+        let all = |inside| OperandState::All { inside, certain: true };
+        let kinds = [all(false), all(true), OperandState::Mixed];
         let operations = [Operation::Plus, Operation::Minus, Operation::And];
         let value = |ops: &[Operation], bits: [bool; 3]| {
             (1..3).fold(bits[0], |acc, n| ops[n].of(u64::from(acc), u64::from(bits[n])) & 1 == 1)
@@ -111,20 +114,24 @@ mod tests {
             let operands = [kinds[digit(2)], kinds[digit(3)], kinds[digit(4)]];
             let decision = decide(&ops, &operands);
             let may_be = |n: usize, inside: bool| match operands[n] {
-                Known::All { inside: is, .. } => is == inside,
-                Known::Mixed => true,
+                OperandState::All { inside: is, .. } => is == inside,
+                OperandState::Mixed => true,
             };
             let combinations = (0..8usize).map(|bits| [0, 1, 2].map(|n| bits >> n & 1 == 1));
             let possible: Vec<[bool; 3]> =
                 combinations.filter(|bits| (0..3).all(|n| may_be(n, bits[n]))).collect();
             let values: Vec<bool> = possible.iter().map(|&bits| value(&ops, bits)).collect();
             let is_same = values.iter().all(|v| *v == values[0]);
-            assert_eq!(decision.known, if is_same { all(values[0]) } else { Known::Mixed }, "{operands:?}");
+            assert_eq!(
+                decision.known,
+                if is_same { all(values[0]) } else { OperandState::Mixed },
+                "{operands:?}"
+            );
             let depends = |n: usize| {
                 possible.iter().any(|&bits| {
                     let mut other = bits;
                     other[n] = !bits[n];
-                    operands[n] == Known::Mixed && value(&ops, bits) != value(&ops, other)
+                    operands[n] == OperandState::Mixed && value(&ops, bits) != value(&ops, other)
                 })
             };
             let expected: Vec<usize> = (0..3).filter(|&n| !is_same && depends(n)).collect();
@@ -134,10 +141,10 @@ mod tests {
 
     #[test]
     fn what_may_hide_makes_a_decision_uncertain() {
-        let all = |inside, certain| Known::All { inside, certain };
+        let all = |inside, certain| OperandState::All { inside, certain };
         let minus = [Operation::Plus, Operation::Minus];
         assert_eq!(decide(&minus, &[all(true, false), all(false, true)]).known, all(true, false));
         assert_eq!(decide(&minus, &[all(true, false), all(true, true)]).known, all(false, true));
-        assert_eq!(decide(&minus, &[Known::Mixed, all(true, false)]).known, all(false, false));
+        assert_eq!(decide(&minus, &[OperandState::Mixed, all(true, false)]).known, all(false, false));
     }
 }

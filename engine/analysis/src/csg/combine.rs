@@ -13,22 +13,22 @@ const OWN: u64 = (1 << BRICK_CELLS) - 1;
 
 /// What hides within edges of which both ends agree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Hidden {
+pub struct HiddenCrossings {
     /// Edges in which a wall lies that is thinner than the edge.
     pub walls: u64,
     /// Edges in which a gap lies.
     pub gaps: u64,
 }
 
-impl Hidden {
-    pub(super) fn add(&mut self, other: Hidden) {
+impl HiddenCrossings {
+    pub(super) fn add(&mut self, other: HiddenCrossings) {
         self.walls += other.walls;
         self.gaps += other.gaps;
     }
 }
 
 /// An operand of a brick.
-pub(super) struct Term<'a> {
+pub(super) struct BrickOperand<'a> {
     pub operation: Operation,
     pub content: Content<'a>,
 }
@@ -98,7 +98,11 @@ impl Ends {
 }
 
 /// The brick of a chain; `counts` are the samples of the first operand where they are to be kept.
-pub(super) fn combine(terms: &[Term<'_>], counts: Option<&Brick>, hidden: &mut Hidden) -> Brick {
+pub(super) fn combine(
+    terms: &[BrickOperand<'_>],
+    counts: Option<&Brick>,
+    hidden: &mut HiddenCrossings,
+) -> Brick {
     let mut signs = SignChanges::outside();
     for k in 0..P {
         for j in 0..P {
@@ -121,7 +125,12 @@ pub(super) fn combine(terms: &[Term<'_>], counts: Option<&Brick>, hidden: &mut H
 }
 
 /// The crossings along an axis of the edges that change sign in the result.
-fn crossings(terms: &[Term<'_>], signs: &SignChanges, axis: Axis, hidden: &mut Hidden) -> Vec<HermiteEdge> {
+fn crossings(
+    terms: &[BrickOperand<'_>],
+    signs: &SignChanges,
+    axis: Axis,
+    hidden: &mut HiddenCrossings,
+) -> Vec<HermiteEdge> {
     let mut made = Vec::new();
     // Crossings of each operand in the rows before.
     let mut before = vec![0usize; terms.len()];
@@ -169,7 +178,7 @@ struct Place<'a> {
 
 impl Place<'_> {
     /// The crossing of an operand that changes here, as the result has it.
-    fn crossing(&self, terms: &[Term<'_>], number: usize) -> Option<HermiteEdge> {
+    fn crossing(&self, terms: &[BrickOperand<'_>], number: usize) -> Option<HermiteEdge> {
         let below = self.changes[number] & ((1 << self.ijk[0]) - 1);
         let term = &terms[number];
         let Content::Samples { edges, .. } = &term.content else { return None };
@@ -179,7 +188,11 @@ impl Place<'_> {
     }
 
     /// The crossing of the chain.
-    fn fold(&self, terms: &[Term<'_>], mut hidden: Option<&mut Hidden>) -> Option<HermiteEdge> {
+    fn fold(
+        &self,
+        terms: &[BrickOperand<'_>],
+        mut hidden: Option<&mut HiddenCrossings>,
+    ) -> Option<HermiteEdge> {
         let [i, j, k] = self.ijk;
         let (mut j1, mut k1, mut i1) = (j, k, i);
         match self.axis {

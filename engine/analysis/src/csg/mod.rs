@@ -12,7 +12,7 @@ mod run;
 mod walk;
 
 pub use chain::Operation;
-pub use combine::Hidden;
+pub use combine::HiddenCrossings;
 pub use meta::meta_of;
 pub use operand::Operand;
 pub use primitive::Primitive;

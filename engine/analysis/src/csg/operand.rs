@@ -1,6 +1,6 @@
 //! Operands: stores, and solids that need no file.
 
-use super::chain::Known;
+use super::chain::OperandState;
 use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
@@ -18,7 +18,7 @@ pub enum Operand<'a> {
 
 /// What an operand is within a node, and what is needed to look further down.
 #[derive(Clone)]
-pub(super) enum Within {
+pub(super) enum OperandInNode {
     /// All of it is inside, or nothing.
     All {
         /// Of stores the sample itself.
@@ -34,53 +34,53 @@ pub(super) enum Within {
     Ignored,
 }
 
-impl Within {
-    pub fn known(&self) -> Known {
+impl OperandInNode {
+    pub fn known(&self) -> OperandState {
         match self {
-            Within::All { w, certain } => Known::All { inside: *w >= 1, certain: *certain },
-            Within::Ignored => Known::All { inside: false, certain: true },
-            _ => Known::Mixed,
+            OperandInNode::All { w, certain } => OperandState::All { inside: *w >= 1, certain: *certain },
+            OperandInNode::Ignored => OperandState::All { inside: false, certain: true },
+            _ => OperandState::Mixed,
         }
     }
 }
 
 impl<'a> Operand<'a> {
     /// What it is within the root, before that is looked at.
-    pub(super) fn beginning(&self) -> Within {
+    pub(super) fn beginning(&self) -> OperandInNode {
         match self {
-            Operand::Store(_) => Within::Divided,
-            Operand::Solids(solids) => Within::Solids((0..solids.len() as u32).collect()),
+            Operand::Store(_) => OperandInNode::Divided,
+            Operand::Solids(solids) => OperandInNode::Solids((0..solids.len() as u32).collect()),
         }
     }
 
     /// What it is within a node, of whose parent, or of itself, this is known.
     /// With `counts` samples that differ are told apart, even where all are inside.
-    pub(super) fn look(&self, key: NodeKey, above: &Within, counts: bool) -> Result<Within> {
+    pub(super) fn look(&self, key: NodeKey, above: &OperandInNode, counts: bool) -> Result<OperandInNode> {
         match (self, above) {
-            (_, Within::All { .. } | Within::Ignored) => Ok(above.clone()),
+            (_, OperandInNode::All { .. } | OperandInNode::Ignored) => Ok(above.clone()),
             (Operand::Store(store), _) => {
                 let node = store.entry(key).ok_or_else(|| broken(store, key))?;
                 if !node.leaf {
-                    return Ok(Within::Divided);
+                    return Ok(OperandInNode::Divided);
                 }
                 if (node.head.min < 1 && node.head.max >= 1) || (counts && node.head.min < node.head.max) {
-                    return Ok(Within::Leaf);
+                    return Ok(OperandInNode::Leaf);
                 }
                 // Above the depth of a build that divides all that facets touch, nothing hides.
                 let is_followed = matches!(store.meta().refine, Refine::Hidden | Refine::Surface);
                 let certain = is_followed && key.level() < store.meta().depth;
-                Ok(Within::All { w: node.head.max, certain })
+                Ok(OperandInNode::All { w: node.head.max, certain })
             }
-            (Operand::Solids(solids), Within::Solids(list)) => {
+            (Operand::Solids(solids), OperandInNode::Solids(list)) => {
                 let touches = |&&number: &&u32| !solids[number as usize].misses(key);
                 let near: Vec<u32> = list.iter().filter(touches).copied().collect();
-                let all = |w| Ok(Within::All { w, certain: true });
+                let all = |w| Ok(OperandInNode::All { w, certain: true });
                 if near.is_empty() {
                     return all(0);
                 }
                 match near.iter().any(|&number| solids[number as usize].covers(key)) {
                     true => all(1),
-                    false => Ok(Within::Solids(near.into())),
+                    false => Ok(OperandInNode::Solids(near.into())),
                 }
             }
             (Operand::Solids(_), _) => Ok(above.clone()),
@@ -91,16 +91,16 @@ impl<'a> Operand<'a> {
     pub(super) fn brick(
         &self,
         key: NodeKey,
-        within: &Within,
+        within: &OperandInNode,
         evaluator: &mut SweptEvaluator,
     ) -> Result<Brick> {
         Ok(match (self, within) {
-            (_, Within::All { w, .. }) => Brick::Uniform(*w),
-            (Operand::Store(store), Within::Leaf) => {
+            (_, OperandInNode::All { w, .. }) => Brick::Uniform(*w),
+            (Operand::Store(store), OperandInNode::Leaf) => {
                 let brick = store.brick_once(key)?;
                 Arc::try_unwrap(brick).unwrap_or_else(|shared| Brick::clone(&shared))
             }
-            (Operand::Solids(solids), Within::Solids(list)) => evaluator.brick(key, solids, list),
+            (Operand::Solids(solids), OperandInNode::Solids(list)) => evaluator.brick(key, solids, list),
             _ => Brick::Uniform(0),
         })
     }

@@ -1,8 +1,8 @@
 //! A chain as a store: subtrees on all threads, written along the Morton curve.
 
-use super::combine::Hidden;
-use super::operand::{Operand, Within};
-use super::walk::{Chain, Desk, Step};
+use super::combine::HiddenCrossings;
+use super::operand::{Operand, OperandInNode};
+use super::walk::{Chain, NodeAction, WalkScratch};
 use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{MAX_LEVEL, NodeKey, Octant};
@@ -47,7 +47,7 @@ pub struct CsgSummary {
     pub file_bytes: u64,
     /// Walls and gaps that lie within one edge between two samples, so that no sample shows them; where an earlier run was
     /// gone on with, those found since.
-    pub hidden: Hidden,
+    pub hidden: HiddenCrossings,
     /// Nodes of an earlier run that was gone on with.
     pub resumed: u64,
 }
@@ -56,7 +56,7 @@ pub struct CsgSummary {
 struct Task {
     key: NodeKey,
     /// What is known of the operands within it.
-    within: Vec<Within>,
+    within: Vec<OperandInNode>,
     /// What it is, if that is known without bricks.
     known: Option<i16>,
     bytes: u64,
@@ -138,13 +138,13 @@ impl Chain<'_> {
         (memory, level): (u64, u8),
         writer: &mut StoreWriter,
         progress: &dyn Progress,
-    ) -> Result<Hidden> {
+    ) -> Result<HiddenCrossings> {
         progress.phase("combining", Some(tasks.len() as u64), "subtrees");
         let pending = (0..=MAX_LEVEL).map(|_| Vec::new()).collect();
         let records = || Records::new(Some(Compression::Lz4));
         let mut joiner = Joiner { pending, top: records(), level };
-        let mut hidden = Hidden::default();
-        let work = |desk: &mut Desk, task: Task, mut held: MemoryReservation| {
+        let mut hidden = HiddenCrossings::default();
+        let work = |desk: &mut WalkScratch, task: Task, mut held: MemoryReservation| {
             progress.check()?;
             let kept = kept.map_or(Ok(None), |kept| kept.brick(task.key))?;
             let (node, records) = match (task.known, kept) {
@@ -158,7 +158,7 @@ impl Chain<'_> {
             held.resize(records.heap_bytes());
             Ok(TaskOutcome::Done((task.key, node, records, std::mem::take(&mut desk.hidden)), held))
         };
-        let consume = |(key, node, records, found): (NodeKey, JoinedNode, Records, Hidden)| {
+        let consume = |(key, node, records, found): (NodeKey, JoinedNode, Records, HiddenCrossings)| {
             hidden.add(found);
             let records = joiner.push(key, node, records);
             let bytes = records.write(writer)?;
@@ -178,15 +178,21 @@ impl Chain<'_> {
         Ok(tasks)
     }
 
-    fn add_tasks(&self, key: NodeKey, above: &[Within], level: u8, tasks: &mut Vec<Task>) -> Result<()> {
+    fn add_tasks(
+        &self,
+        key: NodeKey,
+        above: &[OperandInNode],
+        level: u8,
+        tasks: &mut Vec<Task>,
+    ) -> Result<()> {
         let (within, step) = self.look(key, above)?;
         let known = match step {
-            Step::All { w, certain: true } => Some(w),
+            NodeAction::All { w, certain: true } => Some(w),
             _ => None,
         };
         let nodes = self.nodes_below(key, &within);
         let is_small = key.level() >= level && nodes <= TASK_NODES;
-        if matches!(step, Step::Divide(_)) && !is_small {
+        if matches!(step, NodeAction::Divide(_)) && !is_small {
             for octant in Octant::all() {
                 self.add_tasks(key.child(octant), &within, level, tasks)?;
             }
@@ -198,12 +204,12 @@ impl Chain<'_> {
     }
 
     /// Nodes that are looked at below one, about.
-    fn nodes_below(&self, key: NodeKey, within: &[Within]) -> usize {
+    fn nodes_below(&self, key: NodeKey, within: &[OperandInNode]) -> usize {
         let levels = self.depth.saturating_sub(key.level());
-        let of = |((_, operand), within): (&(_, Operand<'_>), &Within)| match (operand, within) {
-            (Operand::Store(store), Within::Divided) => descendants(store, key),
-            (Operand::Solids(_), Within::Solids(_)) if levels > TASK_LEVELS => TASK_NODES + 1,
-            (Operand::Solids(_), Within::Solids(_)) => 1 << (3 * levels),
+        let of = |((_, operand), within): (&(_, Operand<'_>), &OperandInNode)| match (operand, within) {
+            (Operand::Store(store), OperandInNode::Divided) => descendants(store, key),
+            (Operand::Solids(_), OperandInNode::Solids(_)) if levels > TASK_LEVELS => TASK_NODES + 1,
+            (Operand::Solids(_), OperandInNode::Solids(_)) => 1 << (3 * levels),
             _ => 1,
         };
         self.operands.iter().zip(within).map(of).max().unwrap_or(0)
@@ -223,13 +229,13 @@ fn descendants(store: &Store, key: NodeKey) -> usize {
 fn run<T: Send>(
     tasks: Vec<Task>,
     memory: u64,
-    work: impl Fn(&mut Desk, Task, MemoryReservation) -> Result<TaskOutcome<Task, T>> + Sync,
+    work: impl Fn(&mut WalkScratch, Task, MemoryReservation) -> Result<TaskOutcome<Task, T>> + Sync,
     consume: impl FnMut(T) -> Result<Option<u64>> + Send,
 ) -> Result<()> {
     let bounds = RunLimits { memory, reserve: memory / 8, window: 8 * rayon::current_num_threads() };
     let place = |(n, task): (usize, Task)| -> (TaskOrder, Task) { ((n as u64, 0), task) };
     let tasks = tasks.into_iter().enumerate().map(place).collect();
-    run_tasks(tasks, bounds, Desk::default, |task: &Task| task.bytes, work, consume)
+    run_tasks(tasks, bounds, WalkScratch::default, |task: &Task| task.bytes, work, consume)
 }
 
 /// What there is so far is kept.

@@ -1,8 +1,8 @@
 //! The tree of a chain, node by node from the top.
 
-use super::chain::{Known, Operation, decide};
-use super::combine::{Content, Hidden, Term, combine};
-use super::operand::{Operand, Within};
+use super::chain::{OperandState, Operation, decide};
+use super::combine::{BrickOperand, Content, HiddenCrossings, combine};
+use super::operand::{Operand, OperandInNode};
 use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, Octant};
@@ -21,77 +21,81 @@ pub struct Chain<'a> {
 
 /// What a thread works with.
 #[derive(Default)]
-pub(super) struct Desk {
+pub(super) struct WalkScratch {
     evaluator: SweptEvaluator,
     payload: Vec<u8>,
     scratch: Scratch,
-    pub hidden: Hidden,
+    pub hidden: HiddenCrossings,
 }
 
 /// What is to be done with a node.
-pub(super) enum Step {
+pub(super) enum NodeAction {
     /// It is all of one value.
     All { w: i16, certain: bool },
     /// Its children are to be looked at.
-    Divide(Whose),
+    Divide(BoundaryOwner),
     /// It is a leaf.
-    Leaf(Whose),
+    Leaf(BoundaryOwner),
 }
 
 /// Whether the boundary within a node may be that of one operand alone, and no sample is another's.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Whose {
+pub(super) enum BoundaryOwner {
     MayBeOnes,
     Several,
 }
 
 impl Chain<'_> {
     /// What is known of all operands before the root is looked at.
-    pub(super) fn beginning(&self) -> Vec<Within> {
+    pub(super) fn beginning(&self) -> Vec<OperandInNode> {
         self.operands.iter().map(|(_, operand)| operand.beginning()).collect()
     }
 
     /// Looks at a node: what all operands are within it, and what is to be done.
-    pub(super) fn look(&self, key: NodeKey, above: &[Within]) -> Result<(Vec<Within>, Step)> {
-        let look = |(n, (operand, above)): (usize, (&(Operation, Operand<'_>), &Within))| {
+    pub(super) fn look(
+        &self,
+        key: NodeKey,
+        above: &[OperandInNode],
+    ) -> Result<(Vec<OperandInNode>, NodeAction)> {
+        let look = |(n, (operand, above)): (usize, (&(Operation, Operand<'_>), &OperandInNode))| {
             operand.1.look(key, above, self.keep_counts && n == 0)
         };
-        let mut within: Vec<Within> =
+        let mut within: Vec<OperandInNode> =
             self.operands.iter().zip(above).enumerate().map(look).collect::<Result<_>>()?;
         let operations: Vec<Operation> = self.operands.iter().map(|(operation, _)| *operation).collect();
-        let known: Vec<Known> = within.iter().map(Within::known).collect();
+        let known: Vec<OperandState> = within.iter().map(OperandInNode::known).collect();
         let mut decision = decide(&operations, &known);
-        let counts_differ = self.keep_counts && known[0] == Known::Mixed;
-        if let Known::All { inside, certain } = decision.known
+        let counts_differ = self.keep_counts && known[0] == OperandState::Mixed;
+        if let OperandState::All { inside, certain } = decision.known
             && !(inside && counts_differ)
         {
             let w = match &within[0] {
-                Within::All { w, .. } if self.keep_counts => (*w).max(1),
+                OperandInNode::All { w, .. } if self.keep_counts => (*w).max(1),
                 _ => 1,
             };
-            return Ok((within, Step::All { w: if inside { w } else { 0 }, certain }));
+            return Ok((within, NodeAction::All { w: if inside { w } else { 0 }, certain }));
         }
         if counts_differ && !decision.mixed.contains(&0) {
             decision.mixed.insert(0, 0);
         }
         for (n, within) in within.iter_mut().enumerate() {
-            if known[n] == Known::Mixed && !decision.mixed.contains(&n) {
-                *within = Within::Ignored;
+            if known[n] == OperandState::Mixed && !decision.mixed.contains(&n) {
+                *within = OperandInNode::Ignored;
             }
         }
-        let is_leaf = |within: &Within| matches!(within, Within::Leaf);
-        let is_divided = |within: &Within| matches!(within, Within::Divided);
+        let is_leaf = |within: &OperandInNode| matches!(within, OperandInNode::Leaf);
+        let is_divided = |within: &OperandInNode| matches!(within, OperandInNode::Divided);
         let leaf = within.iter().position(is_leaf);
         let divided = within.iter().position(is_divided);
         let whose = match decision.known {
-            Known::Mixed => Whose::MayBeOnes,
-            Known::All { .. } => Whose::Several,
+            OperandState::Mixed => BoundaryOwner::MayBeOnes,
+            OperandState::All { .. } => BoundaryOwner::Several,
         };
         let step = match (leaf, divided) {
             (Some(leaf), Some(divided)) => return Err(self.uneven(key, leaf, divided)),
-            (None, Some(_)) => Step::Divide(whose),
-            (None, None) if key.level() < self.depth => Step::Divide(whose),
-            _ => Step::Leaf(whose),
+            (None, Some(_)) => NodeAction::Divide(whose),
+            (None, None) if key.level() < self.depth => NodeAction::Divide(whose),
+            _ => NodeAction::Leaf(whose),
         };
         Ok((within, step))
     }
@@ -116,20 +120,21 @@ impl Chain<'_> {
     pub(super) fn walk(
         &self,
         key: NodeKey,
-        above: &[Within],
-        desk: &mut Desk,
+        above: &[OperandInNode],
+        desk: &mut WalkScratch,
         records: &mut Records,
     ) -> Result<JoinedNode> {
         let (within, step) = self.look(key, above)?;
         match step {
-            Step::All { w, certain: true } => return Ok(JoinedNode::Empty(w)),
-            Step::All { w, certain: false } => {
+            NodeAction::All { w, certain: true } => return Ok(JoinedNode::Empty(w)),
+            NodeAction::All { w, certain: false } => {
                 records.push(key, true, &Brick::Uniform(w));
                 return Ok(JoinedNode::Stored(CoarseSamples::Uniform(w)));
             }
-            Step::Divide(_) | Step::Leaf(_) => {}
+            NodeAction::Divide(_) | NodeAction::Leaf(_) => {}
         }
-        if let Step::Divide(Whose::MayBeOnes) | Step::Leaf(Whose::MayBeOnes) = step
+        if let NodeAction::Divide(BoundaryOwner::MayBeOnes) | NodeAction::Leaf(BoundaryOwner::MayBeOnes) =
+            step
             && let Some(store) = self.only(&within)
             && let Some(entry) = store.entry(key)
             && self.is_as_it_is(store, entry)
@@ -137,7 +142,7 @@ impl Chain<'_> {
             let brick = copy(store, entry, desk, records)?;
             return Ok(JoinedNode::Stored(CoarseSamples::of(&brick)));
         }
-        if matches!(step, Step::Divide(_)) {
+        if matches!(step, NodeAction::Divide(_)) {
             let mut children = [const { JoinedNode::Empty(0) }; 8];
             for octant in Octant::all() {
                 children[octant.index()] = self.walk(key.child(octant), &within, desk, records)?;
@@ -150,7 +155,7 @@ impl Chain<'_> {
     }
 
     /// The brick of a leaf.
-    fn leaf(&self, key: NodeKey, within: &[Within], desk: &mut Desk) -> Result<Brick> {
+    fn leaf(&self, key: NodeKey, within: &[OperandInNode], desk: &mut WalkScratch) -> Result<Brick> {
         let bricks: Vec<Brick> = self
             .operands
             .iter()
@@ -159,18 +164,18 @@ impl Chain<'_> {
             .collect::<Result<_>>()?;
         let mut terms = Vec::with_capacity(bricks.len());
         for ((operation, _), brick) in self.operands.iter().zip(&bricks) {
-            terms.push(Term { operation: *operation, content: Content::of(brick) });
+            terms.push(BrickOperand { operation: *operation, content: Content::of(brick) });
         }
         Ok(combine(&terms, self.keep_counts.then_some(&bricks[0]), &mut desk.hidden))
     }
 
     /// The store whose nodes are the result's here, but for clamping.
-    fn only(&self, within: &[Within]) -> Option<&Store> {
+    fn only(&self, within: &[OperandInNode]) -> Option<&Store> {
         let mut found = None;
         for (n, ((operation, operand), within)) in self.operands.iter().zip(within).enumerate() {
             match (within, operand) {
-                (Within::All { .. } | Within::Ignored, _) => continue,
-                (Within::Leaf | Within::Divided, Operand::Store(store))
+                (OperandInNode::All { .. } | OperandInNode::Ignored, _) => continue,
+                (OperandInNode::Leaf | OperandInNode::Divided, Operand::Store(store))
                     if found.is_none()
                         && (n == 0 || *operation != Operation::Minus)
                         && (n == 0 || !self.keep_counts) =>
@@ -193,7 +198,7 @@ impl Chain<'_> {
 }
 
 /// Copies a node and all below it, children first; returns its brick.
-fn copy(store: &Store, entry: &IndexEntry, desk: &mut Desk, records: &mut Records) -> Result<Brick> {
+fn copy(store: &Store, entry: &IndexEntry, desk: &mut WalkScratch, records: &mut Records) -> Result<Brick> {
     copy_below(store, entry, desk, records)?;
     store.read_payload(entry, &mut desk.payload)?;
     match entry.head.kind.is_uniform() {
@@ -202,7 +207,12 @@ fn copy(store: &Store, entry: &IndexEntry, desk: &mut Desk, records: &mut Record
     }
 }
 
-fn copy_below(store: &Store, entry: &IndexEntry, desk: &mut Desk, records: &mut Records) -> Result<()> {
+fn copy_below(
+    store: &Store,
+    entry: &IndexEntry,
+    desk: &mut WalkScratch,
+    records: &mut Records,
+) -> Result<()> {
     if !entry.leaf {
         for octant in Octant::all() {
             if let Some(child) = store.entry(entry.key.child(octant)) {

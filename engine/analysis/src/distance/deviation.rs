@@ -23,7 +23,7 @@ pub enum Reference<'a> {
 
 /// A point of a reference, in world units.
 #[derive(Clone, Copy, Debug)]
-pub struct Opposite {
+pub struct ReferencePoint {
     /// Where it is.
     pub at: [f64; 3],
     /// The unit normal there.
@@ -94,11 +94,11 @@ impl Reference<'_> {
     ///
     /// # Errors
     /// What reading a store's surface gives.
-    pub fn opposite(&self, from: [f64; 3]) -> Result<Opposite> {
+    pub fn opposite(&self, from: [f64; 3]) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
                 let (signed, nearest) = triangles.signed(from);
-                Ok(Opposite { at: nearest.at, normal: nearest.normal, signed })
+                Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed })
             }
             Reference::Store(surface, sides) => of_surface(surface, sides, from),
         }
@@ -108,11 +108,11 @@ impl Reference<'_> {
     ///
     /// # Errors
     /// As [`Reference::opposite`].
-    pub fn nearest(&self, from: [f64; 3]) -> Result<Opposite> {
+    pub fn nearest(&self, from: [f64; 3]) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
                 let nearest = triangles.nearest(from);
-                Ok(Opposite { at: nearest.at, normal: nearest.normal, signed: nearest.distance })
+                Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed: nearest.distance })
             }
             Reference::Store(surface, sides) => of_surface(surface, sides, from),
         }
@@ -142,14 +142,16 @@ impl Reference<'_> {
 ///
 /// # Errors
 /// What reading the surface gives.
-pub fn of_surface(surface: &Surface, sides: &Sides<'_>, from: [f64; 3]) -> Result<Opposite> {
+pub fn of_surface(surface: &Surface, sides: &Sides<'_>, from: [f64; 3]) -> Result<ReferencePoint> {
     surface.require_any()?;
     let at = surface.to_cells(from);
     let foot = surface.closest(at, f64::INFINITY)?;
-    let Some(foot) = foot else { return Ok(Opposite { at: from, normal: [0.0; 3], signed: f64::INFINITY }) };
+    let Some(foot) = foot else {
+        return Ok(ReferencePoint { at: from, normal: [0.0; 3], signed: f64::INFINITY });
+    };
     let distance = foot.distance * surface.cell();
     let signed = if sides.inside(at, foot.distance, foot.inside)? { -distance } else { distance };
-    Ok(Opposite { at: surface.to_world(foot.at), normal: foot.normal, signed })
+    Ok(ReferencePoint { at: surface.to_world(foot.at), normal: foot.normal, signed })
 }
 
 /// Asks for a number at all points, on all threads, in order.

@@ -1,6 +1,6 @@
 //! Offsets and shells of a part as new stores: a lattice of signs of distance − length, with exact crossings.
 
-use super::sides::{FAR, Part, Sides};
+use super::sides::{DeepBrick, FAR, Sides};
 use super::surface::{Foot, Surface};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
@@ -46,7 +46,7 @@ pub fn offset(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<Stats> {
-    let grown = Grown::of(store, surface, solid)?;
+    let grown = OffsetField::of(store, surface, solid)?;
     let meta = grown.meta(store, solid);
     let mut writer = StoreWriter::create(output, &meta)?;
     grown.write(&mut writer, progress)?;
@@ -55,7 +55,7 @@ pub fn offset(
 }
 
 /// The field on the new lattice. Lengths are in cells.
-struct Grown<'a> {
+struct OffsetField<'a> {
     sides: Sides<'a>,
     surface: &'a Surface,
     solid: Solid,
@@ -66,14 +66,14 @@ struct Grown<'a> {
     shift: i64,
 }
 
-impl<'a> Grown<'a> {
-    fn of(tree: &'a dyn BrickTree, surface: &'a Surface, solid: Solid) -> Result<Grown<'a>> {
+impl<'a> OffsetField<'a> {
+    fn of(tree: &'a dyn BrickTree, surface: &'a Surface, solid: Solid) -> Result<OffsetField<'a>> {
         surface.require_any()?;
         let length = match solid {
             Solid::Offset(by) | Solid::Shell(by) => by,
         };
         let depth = tree.deepest_level();
-        let mut grown = Grown {
+        let mut grown = OffsetField {
             sides: Sides::new(tree)?,
             surface,
             solid,
@@ -283,9 +283,9 @@ fn no_surface() -> Error {
 
 /// The samples of a brick while they are decided.
 struct Block<'a> {
-    grown: &'a Grown<'a>,
+    grown: &'a OffsetField<'a>,
     first: [i64; 3],
-    part: Part,
+    part: DeepBrick,
     /// The field at samples that were asked for, or only its sign, as an infinite number.
     values: Vec<f32>,
 }
@@ -297,9 +297,9 @@ impl Block<'_> {
 
     fn inside(&self, ijk: [usize; 3]) -> Option<bool> {
         match &self.part {
-            Part::All(inside) => Some(*inside),
-            Part::Samples(brick) => Some(brick.sample(ijk) >= 1),
-            Part::Unknown => None,
+            DeepBrick::All(inside) => Some(*inside),
+            DeepBrick::Samples(brick) => Some(brick.sample(ijk) >= 1),
+            DeepBrick::Unknown => None,
         }
     }
 
@@ -323,7 +323,7 @@ impl Block<'_> {
         // Farther than all of the box there is no surface between its samples.
         let sample = if foot.distance > reach + CERTAIN { self.inside(low) } else { None };
         let inside = match &self.part {
-            Part::All(inside) => *inside,
+            DeepBrick::All(inside) => *inside,
             _ => sample.unwrap_or(foot.inside),
         };
         let (value, _) = self.grown.field(&foot, middle, inside);

@@ -67,7 +67,7 @@ fn limit(most: f64) -> f32 {
 }
 
 /// The nearest point.
-pub(super) struct Nearest {
+pub(super) struct NearestQuery {
     from: [f64; 3],
     probe: Probe,
     /// The square of the least distance found, or allowed.
@@ -77,9 +77,9 @@ pub(super) struct Nearest {
     aligned: f64,
 }
 
-impl Nearest {
-    pub fn new(from: [f64; 3], within: f64) -> Nearest {
-        Nearest { from, probe: Probe::default(), within: within * within, best: None, aligned: -1.0 }
+impl NearestQuery {
+    pub fn new(from: [f64; 3], within: f64) -> NearestQuery {
+        NearestQuery { from, probe: Probe::default(), within: within * within, best: None, aligned: -1.0 }
     }
 
     fn take(&mut self, touch: Touch, local: [f64; 3], base: [f64; 3], place: Place) {
@@ -98,7 +98,7 @@ impl Nearest {
     }
 }
 
-impl PatchQuestion for Nearest {
+impl PatchQuestion for NearestQuery {
     fn count_from(&mut self, base: [f64; 3], size: f32) {
         self.probe = Probe::new(minus(self.from, base), size);
     }
@@ -162,7 +162,7 @@ impl PatchQuestion for NormalAround {
 }
 
 /// Where a ray first passes the surface.
-pub(super) struct Ray {
+pub(super) struct RayQuery {
     from: [f64; 3],
     toward: [f64; 3],
     over: [f32; 3],
@@ -172,13 +172,21 @@ pub(super) struct Ray {
     pub first: Option<Foot>,
 }
 
-impl Ray {
-    pub fn new(from: [f64; 3], toward: [f64; 3], most: f64, outward: bool) -> Ray {
-        Ray { from, toward, over: reciprocals(toward), probe: Probe::default(), outward, most, first: None }
+impl RayQuery {
+    pub fn new(from: [f64; 3], toward: [f64; 3], most: f64, outward: bool) -> RayQuery {
+        RayQuery {
+            from,
+            toward,
+            over: reciprocals(toward),
+            probe: Probe::default(),
+            outward,
+            most,
+            first: None,
+        }
     }
 }
 
-impl PatchQuestion for Ray {
+impl PatchQuestion for RayQuery {
     fn count_from(&mut self, base: [f64; 3], size: f32) {
         self.probe = Probe::new(minus(self.from, base), size);
     }

@@ -8,7 +8,7 @@ use crate::sets::DisjointSets;
 use std::collections::HashMap;
 
 /// A patch that counts, in world units.
-pub(super) struct Marked {
+pub(super) struct WeightedPatch {
     pub place: Place,
     pub at: [f64; 3],
     /// A place in the solid beside it.
@@ -53,7 +53,7 @@ pub(super) fn marked<L: Default>(
     surface: &Surface,
     progress: &dyn Progress,
     value: impl Fn(&mut L, &PatchInfo) -> Result<Option<(f64, Option<Place>)>> + Sync,
-) -> Result<Vec<Marked>> {
+) -> Result<Vec<WeightedPatch>> {
     let (leaves, cell) = (surface.leaves().len(), surface.cell());
     progress.phase("regions", Some(leaves as u64), "bricks");
     let make = |_: &mut (), leaf: usize| {
@@ -61,7 +61,7 @@ pub(super) fn marked<L: Default>(
         let (mut found, mut last) = (Vec::new(), L::default());
         for (n, patch) in surface.patches_of(leaf)?.into_iter().enumerate() {
             if let Some((value, opposite)) = value(&mut last, &patch)? {
-                found.push(Marked {
+                found.push(WeightedPatch {
                     place: Place { leaf: leaf as u32, patch: n as u32 },
                     at: surface.to_world(patch.at),
                     inner: surface.to_world(patch.inner()),
@@ -90,7 +90,7 @@ pub(super) fn marked<L: Default>(
 }
 
 /// Regions of patches in Morton order, the largest area first.
-pub(super) fn joined(marked: Vec<Marked>) -> Vec<Region> {
+pub(super) fn joined(marked: Vec<WeightedPatch>) -> Vec<Region> {
     let mut sets = DisjointSets::default();
     sets.extend(marked.len());
     let mut by_corner: HashMap<[i64; 3], u32> = HashMap::new();

@@ -19,7 +19,7 @@ pub struct Sides<'a> {
 }
 
 /// What is known of a brick of the deepest level.
-pub(super) enum Part {
+pub(super) enum DeepBrick {
     /// All of it is inside, or outside.
     All(bool),
     Samples(Arc<Brick>),
@@ -37,18 +37,18 @@ impl<'a> Sides<'a> {
     }
 
     /// Of the brick of the deepest level whose first sample is this one.
-    pub(super) fn part(&self, first: [i64; 3]) -> Result<Part> {
+    pub(super) fn part(&self, first: [i64; 3]) -> Result<DeepBrick> {
         let cells = (BRICK_CELLS as i64) << self.level;
         if first.iter().any(|&c| c < 0 || c >= cells) {
-            return Ok(Part::All(false));
+            return Ok(DeepBrick::All(false));
         }
         let key = NodeKey::new(self.level, first.map(|c| (c / BRICK_CELLS as i64) as u32));
-        let Some(key) = key else { return Ok(Part::All(false)) };
+        let Some(key) = key else { return Ok(DeepBrick::All(false)) };
         let leaf = self.order.keys()[self.order.covering(key)];
         match self.tree.node(leaf).and_then(|node| node.uniform()) {
-            Some(w) => Ok(Part::All(w >= 1)),
-            _ if leaf.level() == self.level => Ok(Part::Samples(self.tree.brick(leaf)?)),
-            _ => Ok(Part::Unknown),
+            Some(w) => Ok(DeepBrick::All(w >= 1)),
+            _ if leaf.level() == self.level => Ok(DeepBrick::Samples(self.tree.brick(leaf)?)),
+            _ => Ok(DeepBrick::Unknown),
         }
     }
 
@@ -58,9 +58,9 @@ impl<'a> Sides<'a> {
         let within = sample.map(|c| c.rem_euclid(size) as usize);
         let first = std::array::from_fn(|a| sample[a] - within[a] as i64);
         Ok(match self.part(first)? {
-            Part::All(inside) => Some(inside),
-            Part::Samples(brick) => Some(brick.sample(within) >= 1),
-            Part::Unknown => None,
+            DeepBrick::All(inside) => Some(inside),
+            DeepBrick::Samples(brick) => Some(brick.sample(within) >= 1),
+            DeepBrick::Unknown => None,
         })
     }
 

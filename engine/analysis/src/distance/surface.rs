@@ -3,7 +3,7 @@
 use super::boxes::{Boxes, Lanes, Normals, Question, WIDE};
 use super::patch::Patch;
 use super::piece::Piece;
-use super::questions::{Ball, Nearest, NormalAround, OfPiece, PatchQuestion, Ray};
+use super::questions::{Ball, NearestQuery, NormalAround, OfPiece, PatchQuestion, RayQuery};
 use crate::contour::{Bend, edge_facets};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube, spacing_bits};
@@ -191,7 +191,7 @@ impl Surface {
     /// # Errors
     /// What reading the file gives.
     pub fn closest(&self, from: [f64; 3], within: f64) -> Result<Option<Foot>> {
-        Ok(self.ask(Nearest::new(from, within))?.best)
+        Ok(self.ask(NearestQuery::new(from, within))?.best)
     }
 
     /// The normal of the surface around a foot, from all patches that are near: facets of the input turn it by less than the
@@ -209,7 +209,7 @@ impl Surface {
     /// # Errors
     /// What reading the file gives.
     pub fn ray(&self, from: [f64; 3], toward: [f64; 3], most: f64, outward: bool) -> Result<Option<Foot>> {
-        Ok(self.ask(Ray::new(from, toward, most, outward))?.first)
+        Ok(self.ask(RayQuery::new(from, toward, most, outward))?.first)
     }
 
     /// The radius of the largest ball that touches a place with unit normal `toward` on this side of it, holds no point of the

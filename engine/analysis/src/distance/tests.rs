@@ -8,13 +8,13 @@ use crate::progress::Silent;
 use crate::store::{BrickTree, MemoryTree};
 
 /// Signed distance from a shape, below 0 inside.
-pub(super) type Shape<'a> = &'a (dyn Fn([f64; 3]) -> f64 + Sync);
+pub(super) type SignedDistance<'a> = &'a (dyn Fn([f64; 3]) -> f64 + Sync);
 
 /// Cells along the root's edge: 64, so that lengths of shapes are in cells.
 pub(super) const EDGE: f64 = 64.0;
 
 /// A tree of two levels of 32 cells in a root of 64 cells.
-pub(super) fn tree(shape: Shape<'_>) -> MemoryTree {
+pub(super) fn tree(shape: SignedDistance<'_>) -> MemoryTree {
     let mut tree = MemoryTree::new(RootCube { origin: [0.0; 3], edge: EDGE });
     tree.insert(NodeKey::ROOT, false, brick(shape, tree.root(), NodeKey::ROOT));
     for octant in Octant::all() {
@@ -25,7 +25,7 @@ pub(super) fn tree(shape: Shape<'_>) -> MemoryTree {
     tree
 }
 
-fn brick(shape: Shape<'_>, root: RootCube, key: NodeKey) -> Brick {
+fn brick(shape: SignedDistance<'_>, root: RootCube, key: NodeKey) -> Brick {
     let point = |ijk: [usize; 3]| {
         root.to_world(std::array::from_fn(|a| {
             f64::from(key.base()[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1)
@@ -120,7 +120,7 @@ pub(super) fn points(count: u64) -> impl Iterator<Item = [f64; 3]> {
 }
 
 /// Errors of signed distances at points: the mean square's root and the largest.
-fn errors(shape: Shape<'_>) -> (f64, f64) {
+fn errors(shape: SignedDistance<'_>) -> (f64, f64) {
     let tree = tree(shape);
     let surface = surface(&tree);
     let (mut squares, mut largest, mut count) = (0.0, 0.0f64, 0.0);
@@ -140,7 +140,7 @@ fn errors(shape: Shape<'_>) -> (f64, f64) {
 #[test]
 fn distances_from_balls_tori_and_boxes() {
     for (name, shape, most) in [
-        ("ball 3", &ball(3.0) as Shape<'_>, [0.003, 0.02]),
+        ("ball 3", &ball(3.0) as SignedDistance<'_>, [0.003, 0.02]),
         ("ball 8", &ball(8.0), [0.001, 0.005]),
         ("ball 20", &ball(20.0), [0.001, 0.003]),
         ("torus 14 3", &torus(14.0, 3.0), [0.003, 0.02]),
@@ -154,7 +154,7 @@ fn distances_from_balls_tori_and_boxes() {
 }
 
 /// Thickness at all crossings: the largest error, and what 99 of 100 are within, relative; with the largest in cells.
-fn thickness(shape: Shape<'_>, options: Options, truth: impl Fn([f64; 3]) -> f64) -> (f64, f64) {
+fn thickness(shape: SignedDistance<'_>, options: Options, truth: impl Fn([f64; 3]) -> f64) -> (f64, f64) {
     let tree = tree(shape);
     let surface = surface(&tree);
     let (mut relative, mut excess) = (Vec::new(), 0.0f64);
@@ -180,7 +180,7 @@ fn walls_of_tori_shells_and_boxes() {
     let shell = |p: [f64; 3]| (length(minus(p, MIDDLE)) - 17.0).abs() - 2.5;
     let slab = boxed([16.0, 14.0, 2.2]);
     for (name, shape, truth) in [
-        ("torus 12 2", &torus(12.0, 2.0) as Shape<'_>, 4.0),
+        ("torus 12 2", &torus(12.0, 2.0) as SignedDistance<'_>, 4.0),
         ("torus 14 5", &torus(14.0, 5.0), 10.0),
         ("shell", &shell, 5.0),
     ] {

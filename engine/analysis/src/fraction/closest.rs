@@ -8,14 +8,14 @@ use std::collections::HashMap;
 const RINGS: i32 = 12;
 
 /// The triangles of a mesh, found by place.
-pub(super) struct Triangles<'a> {
+pub(super) struct TriangleIndex<'a> {
     mesh: &'a MeshArrays,
     edge: f64,
     cubes: HashMap<[i32; 3], Vec<u32>>,
 }
 
-impl<'a> Triangles<'a> {
-    pub(super) fn new(mesh: &'a MeshArrays) -> Triangles<'a> {
+impl<'a> TriangleIndex<'a> {
+    pub(super) fn new(mesh: &'a MeshArrays) -> TriangleIndex<'a> {
         let mut longest: Vec<f64> = (0..mesh.triangles.len())
             .step_by(1 + mesh.triangles.len() / 1000)
             .map(|n| extent(mesh, n))
@@ -33,7 +33,7 @@ impl<'a> Triangles<'a> {
                 }
             }
         }
-        Triangles { mesh, edge, cubes }
+        TriangleIndex { mesh, edge, cubes }
     }
 
     /// The distance of a point from the nearest triangle; infinite of an empty mesh.
@@ -113,7 +113,7 @@ mod tests {
             (0..60).map(|_| std::array::from_fn(|_| 3.0 * number() as f32)).collect();
         let triangles: Vec<[u32; 3]> = (0..20).map(|n| [3 * n, 3 * n + 1, 3 * n + 2]).collect();
         let mesh = MeshArrays { positions, triangles };
-        let found = Triangles::new(&mesh);
+        let found = TriangleIndex::new(&mesh);
         for _ in 0..20 {
             let p: [f64; 3] = std::array::from_fn(|_| 6.0 * number());
             let mut nearest = f64::INFINITY;

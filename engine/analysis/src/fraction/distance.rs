@@ -1,6 +1,6 @@
 //! How far a mesh and the surface of a store are from each other, at some points of both.
 
-use super::closest::Triangles;
+use super::closest::TriangleIndex;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::MeshArrays;
 use crate::error::Result;
@@ -91,7 +91,7 @@ fn to_mesh(
     let all: Vec<NodeKey> = order.keys().iter().filter(passed).copied().collect();
     let count = all.len().min(LEAVES);
     let keys: Vec<NodeKey> = (0..count).map(|n| all[n * all.len() / count]).collect();
-    let triangles = Triangles::new(mesh);
+    let triangles = TriangleIndex::new(mesh);
     progress.phase("distances", Some(keys.len() as u64), "bricks");
     let mut distances = Vec::new();
     let each = POINTS.div_ceil(count.max(1));

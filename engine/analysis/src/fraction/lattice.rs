@@ -1,7 +1,7 @@
 //! A coarse lattice with the fraction of solid around each sample, brick by brick.
 
 use super::kernel::depth;
-use super::leaf::{Block, block};
+use super::leaf::{SumBox, block};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, RootCube};
 use crate::progress::Progress;
@@ -18,7 +18,7 @@ const BEFORE: i64 = 2;
 const ROUNDING: f64 = 1e-9;
 
 /// One brick of 32³ coarse samples.
-enum Coarse {
+enum CoarseBrick {
     /// Leaves may still add to it.
     Open(Box<[f64]>),
     /// Solid throughout.
@@ -38,7 +38,7 @@ pub struct Lattice {
     /// The level of its bricks.
     pub(super) level: u8,
     /// Bricks that are not empty.
-    bricks: BTreeMap<NodeKey, Coarse>,
+    bricks: BTreeMap<NodeKey, CoarseBrick>,
     /// By the code of the last leaf that may add to them, bricks that are open.
     open: BTreeSet<(u64, NodeKey)>,
     /// Sum of all fractions.
@@ -101,12 +101,12 @@ impl Lattice {
 
     /// Keys of bricks whose fractions are neither all 0 nor all 1.
     pub(super) fn mixed(&self) -> impl Iterator<Item = NodeKey> {
-        self.bricks.iter().filter(|(_, brick)| matches!(brick, Coarse::Mixed(_))).map(|(key, _)| *key)
+        self.bricks.iter().filter(|(_, brick)| matches!(brick, CoarseBrick::Mixed(_))).map(|(key, _)| *key)
     }
 
     /// Whether the first sample of a brick is all solid.
     pub(super) fn is_full(&self, key: NodeKey) -> bool {
-        matches!(self.bricks.get(&key), Some(Coarse::Full))
+        matches!(self.bricks.get(&key), Some(CoarseBrick::Full))
     }
 
     /// The depths of a box of samples of (32 + 1 + 2)³, from the one before the first of a brick to the one behind its apron.
@@ -126,7 +126,9 @@ impl Lattice {
                 for (y, j) in range(1) {
                     for (x, i) in range(0) {
                         let fraction = match brick {
-                            Coarse::Mixed(fractions) => fractions[(k * BRICK_CELLS + j) * BRICK_CELLS + i],
+                            CoarseBrick::Mixed(fractions) => {
+                                fractions[(k * BRICK_CELLS + j) * BRICK_CELLS + i]
+                            }
                             _ => FULL,
                         };
                         depths[(z * N + y) * N + x] = self.depths[usize::from(fraction)];
@@ -152,7 +154,7 @@ impl Lattice {
     }
 
     /// Adds what a leaf adds.
-    fn add(&mut self, block: &Block, (finest, factor): (u8, u32)) {
+    fn add(&mut self, block: &SumBox, (finest, factor): (u8, u32)) {
         let first = block.first.map(|c| c + BEFORE);
         let last: [i64; 3] = std::array::from_fn(|a| first[a] + block.size[a] as i64 - 1);
         let bricks = |a: usize| first[a] >> 5..=last[a] >> 5;
@@ -168,9 +170,9 @@ impl Lattice {
             let open = &mut self.open;
             let brick = self.bricks.entry(key).or_insert_with(|| {
                 open.insert((done, key));
-                Coarse::Open(vec![0.0; OWN].into())
+                CoarseBrick::Open(vec![0.0; OWN].into())
             });
-            if let Coarse::Open(sums) = brick {
+            if let CoarseBrick::Open(sums) = brick {
                 part.for_each(|(place, sum)| sums[place] += sum);
             }
         }
@@ -182,14 +184,14 @@ impl Lattice {
             && done <= code
         {
             self.open.remove(&(done, key));
-            let Some(Coarse::Open(sums)) = self.bricks.remove(&key) else { continue };
+            let Some(CoarseBrick::Open(sums)) = self.bricks.remove(&key) else { continue };
             self.sum += sums.iter().sum::<f64>();
             let fractions: Box<[u16]> = sums.iter().map(|&sum| stored(sum)).collect();
             fractions.iter().for_each(|&f| self.counts[usize::from(f)] += 1);
             if fractions.iter().all(|&f| f == FULL) {
-                self.bricks.insert(key, Coarse::Full);
+                self.bricks.insert(key, CoarseBrick::Full);
             } else if fractions.iter().any(|&f| f > 0) {
-                self.bricks.insert(key, Coarse::Mixed(fractions));
+                self.bricks.insert(key, CoarseBrick::Mixed(fractions));
             }
         }
     }
@@ -207,7 +209,7 @@ fn stored(sum: f64) -> u16 {
 }
 
 /// The sums above 0 of a block in the brick whose first sample is `base`, by place there.
-fn part_of(block: &Block, first: [i64; 3], base: [i64; 3]) -> impl Iterator<Item = (usize, f64)> {
+fn part_of(block: &SumBox, first: [i64; 3], base: [i64; 3]) -> impl Iterator<Item = (usize, f64)> {
     let range = move |a: usize| {
         let end = (first[a] + block.size[a] as i64).min(base[a] + BRICK_CELLS as i64);
         first[a].max(base[a])..end
@@ -252,7 +254,7 @@ pub fn fractions(
         Ok(factors.iter().map(|&factor| block(leaf.key, leaf.brick, finest, factor)).collect::<Vec<_>>())
     };
     let last = order.keys().len().saturating_sub(1);
-    visit(tree, order.keys(), progress, make, |number, blocks: Vec<Option<Block>>| {
+    visit(tree, order.keys(), progress, make, |number, blocks: Vec<Option<SumBox>>| {
         let code = if number == last { u64::MAX } else { order.keys()[number].post_order().0 };
         for ((lattice, block), &factor) in lattices.iter_mut().zip(&blocks).zip(factors) {
             block.iter().for_each(|block| lattice.add(block, (finest, factor)));

@@ -6,7 +6,7 @@ use crate::brick::{Brick, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 
 /// Sums of a box of coarse samples, x fastest.
-pub(super) struct Block {
+pub(super) struct SumBox {
     /// The first sample, counted from the first one of the tree.
     pub first: [i64; 3],
     /// Samples along each axis.
@@ -46,8 +46,8 @@ impl Plan {
         Plan { first, size, base, step: fine as f64 / factor_wide, lines }
     }
 
-    fn block(&self) -> Block {
-        Block { first: self.first, size: self.size, sums: vec![0.0; self.size.iter().product()] }
+    fn block(&self) -> SumBox {
+        SumBox { first: self.first, size: self.size, sums: vec![0.0; self.size.iter().product()] }
     }
 
     /// The sums of all lines along an axis.
@@ -83,7 +83,7 @@ fn weights(begin: usize, n: usize, fine: usize, factor: f64, first: i64) -> Weig
 }
 
 /// What a leaf adds; `None` where it has no solid.
-pub(super) fn block(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> Option<Block> {
+pub(super) fn block(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> Option<SumBox> {
     let plan = Plan::new(key, finest, factor);
     match brick {
         Brick::Uniform(w) if *w < 1 => None,
@@ -100,7 +100,7 @@ pub(super) fn block(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> Opt
 }
 
 /// A leaf that is solid throughout.
-fn solid(plan: &Plan) -> Block {
+fn solid(plan: &Plan) -> SumBox {
     let mut block = plan.block();
     let chord: [Vec<f64>; 3] = std::array::from_fn(|a| {
         let mut line = vec![0.0; plan.size[a]];

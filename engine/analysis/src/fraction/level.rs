@@ -19,7 +19,7 @@ const HALVINGS: usize = 15;
 
 /// A surface of the fractions.
 #[derive(Clone, Copy, Debug)]
-pub struct Kept {
+pub struct LevelSurface {
     /// How far it lies inside of the one where half is solid, in coarse cells.
     pub depth: f64,
     /// The fraction of solid at it.
@@ -31,9 +31,9 @@ pub struct Kept {
 }
 
 /// Takes a mesh and keeps nothing of it.
-struct Measured;
+struct DiscardSink;
 
-impl MeshSink for Measured {
+impl MeshSink for DiscardSink {
     fn encoding(&self) -> Option<MeshEncoding> {
         let none = |_: &Cuts, _: &mut Vec<u8>| {};
         Some(MeshEncoding {
@@ -53,7 +53,7 @@ pub(super) fn measure(
     options: &ContourOptions,
     progress: &dyn Progress,
 ) -> Result<MeshSummary> {
-    contour(tree, options, &mut Measured, progress)
+    contour(tree, options, &mut DiscardSink, progress)
 }
 
 /// The surface at which a fraction is solid, between 0 and 1.
@@ -65,10 +65,10 @@ pub fn surface(
     fraction: f64,
     options: &ContourOptions,
     progress: &dyn Progress,
-) -> Result<Kept> {
+) -> Result<LevelSurface> {
     let depth = depth(fraction);
     let summary = measure(&FractionTree::new(lattice, depth), options, progress)?;
-    Ok(Kept { depth, fraction, summary, is_near: true })
+    Ok(LevelSurface { depth, fraction, summary, is_near: true })
 }
 
 /// The surface whose mesh, made with these options, holds `volume`; the nearest that is found where none does, as of infill
@@ -83,16 +83,16 @@ pub fn keep_volume(
     first: Option<f64>,
     options: &ContourOptions,
     progress: &dyn Progress,
-) -> Result<Kept> {
+) -> Result<LevelSurface> {
     let mut search = Search::new();
     let mut next = first.unwrap_or_else(|| depth_of(lattice, volume));
-    let mut best: Option<Kept> = None;
+    let mut best: Option<LevelSurface> = None;
     for _ in 0..TRIES {
         let summary = measure(&FractionTree::new(lattice, next), options, progress)?;
         let off = summary.volume - volume;
         let is_near = off.abs() <= NEAR * volume;
         if best.is_none_or(|best| off.abs() < (best.summary.volume - volume).abs()) {
-            best = Some(Kept { depth: next, fraction: fraction_at(next), summary, is_near });
+            best = Some(LevelSurface { depth: next, fraction: fraction_at(next), summary, is_near });
         }
         if is_near || search.is_over() {
             break;

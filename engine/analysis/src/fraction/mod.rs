@@ -28,8 +28,8 @@ mod tree;
 
 pub use distance::{Distances, distances};
 pub use lattice::{Lattice, fractions};
-pub use level::{Kept, keep_volume, surface};
-pub use size::{Request, Sized, of_triangles};
+pub use level::{LevelSurface, keep_volume, surface};
+pub use size::{DetailRequest, SizedMesh, of_triangles};
 pub use tree::FractionTree;
 
 use crate::store::BrickTree;

@@ -1,7 +1,7 @@
 //! The detail at which a mesh has so many triangles.
 
 use super::lattice::{Lattice, fractions};
-use super::level::{Kept, depth_of, keep_volume, measure};
+use super::level::{LevelSurface, depth_of, keep_volume, measure};
 use super::{FractionTree, factor_of};
 use crate::contour::ContourOptions;
 use crate::error::{Error, Result};
@@ -26,18 +26,18 @@ const MOST_OFF: f64 = 1e-3;
 const TRIES: usize = 9;
 
 /// A mesh of about the size asked for, not written yet.
-pub struct Sized {
+pub struct SizedMesh {
     /// The fractions that it is a surface of.
     pub lattice: Lattice,
     /// The surface.
-    pub kept: Kept,
+    pub kept: LevelSurface,
     /// How far it may move for the sake of fewer triangles.
     pub tolerance: f64,
 }
 
 /// What is asked for.
 #[derive(Clone, Copy)]
-pub struct Request<'a> {
+pub struct DetailRequest<'a> {
     /// The most triangles.
     pub most: u64,
     /// About how many there are in a mesh of all cells.
@@ -55,11 +55,15 @@ pub struct Request<'a> {
 ///
 /// # Errors
 /// [`Error::Setting`] if no mesh has so few; as [`fractions`] and [`crate::contour::contour`].
-pub fn of_triangles(tree: &dyn BrickTree, request: Request<'_>, progress: &dyn Progress) -> Result<Sized> {
+pub fn of_triangles(
+    tree: &dyn BrickTree,
+    request: DetailRequest<'_>,
+    progress: &dyn Progress,
+) -> Result<SizedMesh> {
     let (mut lattice, mut larger) = first_lattice(tree, &request, progress)?;
     let mut least = u64::MAX;
     // The one whose volume is nearest, of those that do not keep it.
-    let mut nearest: Option<(f64, Sized)> = None;
+    let mut nearest: Option<(f64, SizedMesh)> = None;
     loop {
         let volume = request.volume.unwrap_or(lattice.volume());
         if let Some(found) = fitted(lattice, &request, &mut least, progress)? {
@@ -93,7 +97,7 @@ fn too_few(most: u64, least: u64) -> Error {
 /// The coarsest lattice of which there are as many triangles as asked for, and coarser ones, the coarsest first.
 fn first_lattice(
     tree: &dyn BrickTree,
-    request: &Request<'_>,
+    request: &DetailRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<(Lattice, Vec<Lattice>)> {
     // No surface has more triangles than its square would: what is averaged away only makes it smaller.
@@ -160,10 +164,10 @@ fn most_factor(tree: &dyn BrickTree) -> f64 {
 /// A surface of a lattice with as many triangles as asked for; `None` if no tolerance makes so few.
 fn fitted(
     lattice: Lattice,
-    request: &Request<'_>,
+    request: &DetailRequest<'_>,
     least: &mut u64,
     progress: &dyn Progress,
-) -> Result<Option<Sized>> {
+) -> Result<Option<SizedMesh>> {
     let volume = request.volume.unwrap_or(lattice.volume());
     let mut options = ContourOptions { tolerance: 0.0, ..request.options.clone() };
     let kept = keep_volume(&lattice, volume, None, &options, progress)?;
@@ -174,7 +178,7 @@ fn fitted(
         return Ok(None);
     }
     if kept.summary.triangles as f64 <= most {
-        return Ok(Some(Sized { lattice, kept, tolerance: 0.0 }));
+        return Ok(Some(SizedMesh { lattice, kept, tolerance: 0.0 }));
     }
     let mut search = Tolerances { low: 0.0, high: None, cell: lattice.cell() };
     options.tolerance = 0.02 * lattice.cell();
@@ -197,7 +201,7 @@ fn fitted(
     for _ in 0..4 {
         let kept = keep_volume(&lattice, volume, Some(kept.depth), &options, progress)?;
         if kept.summary.triangles as f64 <= most {
-            return Ok(Some(Sized { lattice, kept, tolerance: options.tolerance }));
+            return Ok(Some(SizedMesh { lattice, kept, tolerance: options.tolerance }));
         }
         options.tolerance *= 1.1;
     }

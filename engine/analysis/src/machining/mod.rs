@@ -14,5 +14,5 @@ mod volume;
 
 pub use cut::Cut;
 pub use opened::{OpenedVoid, VoidState, opened};
-pub use removed::{MoveShare, Removed, removed};
-pub use volume::{Measured, measured_volume};
+pub use removed::{MoveShare, RemovedVolume, removed};
+pub use volume::{BoundedVolume, measured_volume};

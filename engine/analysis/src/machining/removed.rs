@@ -22,12 +22,12 @@ pub struct MoveShare {
 
 /// What all moves take off.
 #[derive(Clone, Debug, Default)]
-pub struct Removed {
+pub struct RemovedVolume {
     /// By move; of those that take off nothing there is none.
     pub by_move: BTreeMap<u32, MoveShare>,
 }
 
-impl Removed {
+impl RemovedVolume {
     fn add(&mut self, number: u32, volume: f64, [low, high]: [f64; 2]) {
         let none = MoveShare { volume: 0.0, height: [f64::INFINITY, f64::NEG_INFINITY] };
         let share = self.by_move.entry(number).or_insert(none);
@@ -35,13 +35,13 @@ impl Removed {
         share.height = [share.height[0].min(low), share.height[1].max(high)];
     }
 
-    fn join(&mut self, other: &Removed) {
+    fn join(&mut self, other: &RemovedVolume) {
         other.by_move.iter().for_each(|(number, part)| self.add(*number, part.volume, part.height));
     }
 
     /// The same with volumes that add up to what was measured of all.
     #[must_use]
-    pub fn scaled_to(mut self, total: f64) -> Removed {
+    pub fn scaled_to(mut self, total: f64) -> RemovedVolume {
         let sum: f64 = self.by_move.values().map(|share| share.volume).sum();
         if sum > 0.0 {
             self.by_move.values_mut().for_each(|share| share.volume *= total / sum);
@@ -57,8 +57,8 @@ const TASK_LEVELS: u8 = 2;
 ///
 /// # Errors
 /// What reading the store gives; [`crate::error::Error::Interrupted`].
-pub fn removed(store: &Store, cut: &Cut, progress: &dyn Progress) -> Result<Removed> {
-    let mut found = Removed::default();
+pub fn removed(store: &Store, cut: &Cut, progress: &dyn Progress) -> Result<RemovedVolume> {
+    let mut found = RemovedVolume::default();
     let search = Search { store, cut, depth: store.meta().depth, root: store.root() };
     let mut tasks = Vec::new();
     let all: Vec<u32> = (0..cut.solids.len() as u32).collect();
@@ -67,7 +67,7 @@ pub fn removed(store: &Store, cut: &Cut, progress: &dyn Progress) -> Result<Remo
     let work = |(): &mut (), number: usize| {
         progress.check()?;
         let Task { key, list, part } = &tasks[number];
-        let mut removed = Removed::default();
+        let mut removed = RemovedVolume::default();
         search.node(*key, list, *part, &mut removed)?;
         Ok(removed)
     };
@@ -76,7 +76,7 @@ pub fn removed(store: &Store, cut: &Cut, progress: &dyn Progress) -> Result<Remo
         4 * rayon::current_num_threads(),
         || (),
         work,
-        |part: Removed| {
+        |part: RemovedVolume| {
             found.join(&part);
             progress.advance(1);
             Ok(())
@@ -140,7 +140,13 @@ impl Search<'_> {
         }
     }
 
-    fn node(&self, key: NodeKey, list: &[u32], above: Option<bool>, removed: &mut Removed) -> Result<()> {
+    fn node(
+        &self,
+        key: NodeKey,
+        list: &[u32],
+        above: Option<bool>,
+        removed: &mut RemovedVolume,
+    ) -> Result<()> {
         let part = self.part(key, above);
         let list = if part == Some(false) { Vec::new() } else { self.near(key, list) };
         let Some(&first) = list.first() else { return Ok(()) };
@@ -168,7 +174,7 @@ impl Search<'_> {
     }
 
     /// The rows of a brick's own samples, each for a square of cells.
-    fn rows(&self, key: NodeKey, brick: &Brick, list: &[u32], removed: &mut Removed) {
+    fn rows(&self, key: NodeKey, brick: &Brick, list: &[u32], removed: &mut RemovedVolume) {
         let step = f64::from(1u32 << key.spacing_bits());
         let origin = key.base().map(|base| f64::from(base + 1));
         let unit = self.root.unit();

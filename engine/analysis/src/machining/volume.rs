@@ -18,7 +18,7 @@ const MESH_CELLS: f64 = 0.005;
 
 /// A volume with what it may be off by.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measured {
+pub struct BoundedVolume {
     /// In the cube of the store's unit.
     pub value: f64,
     /// Bound on its error.
@@ -26,9 +26,9 @@ pub struct Measured {
 }
 
 /// Takes a mesh and keeps nothing of it.
-struct Nothing;
+struct DiscardSink;
 
-impl MeshSink for Nothing {
+impl MeshSink for DiscardSink {
     fn encoding(&self) -> Option<MeshEncoding> {
         let none = |_: &Cuts, _: &mut Vec<u8>| {};
         Some(MeshEncoding {
@@ -52,7 +52,7 @@ pub fn measured_volume(
     output: &Path,
     memory: u64,
     progress: &dyn Progress,
-) -> Result<Measured> {
+) -> Result<BoundedVolume> {
     let root = meta.root;
     let file = BesideFile::new(output, ".removed");
     let cell = root.spacing(meta.depth);
@@ -62,7 +62,7 @@ pub fn measured_volume(
     let store = Store::open(file.path(), memory / 4)?;
     let chords = volume(&store, progress)?;
     if chords.union <= 0.0 {
-        return Ok(Measured::default());
+        return Ok(BoundedVolume::default());
     }
     let bytes = usize::try_from(memory / 4).unwrap_or(usize::MAX);
     let options = ContourOptions {
@@ -71,7 +71,7 @@ pub fn measured_volume(
         follow_creases: true,
         ..ContourOptions::default()
     };
-    let mesh = contour(&store, &options, &mut Nothing, progress)?;
+    let mesh = contour(&store, &options, &mut DiscardSink, progress)?;
     let error = (mesh.volume - chords.union).abs() + MESH_CELLS * cell * mesh.area;
-    Ok(Measured { value: mesh.volume, error })
+    Ok(BoundedVolume { value: mesh.volume, error })
 }

@@ -4,7 +4,7 @@ use super::components::Components;
 use super::labelling::Labelling;
 use super::points::{OUTER, Point};
 use super::pores::Pores;
-use super::trace::{Around, Tracer};
+use super::trace::{SurroundingSegments, Tracer};
 use crate::brick::{Brick, HermiteEdge};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
@@ -13,7 +13,7 @@ use crate::store::{BrickTree, Leaf};
 use std::collections::BTreeMap;
 
 /// A crossing of a lattice edge whose end outside belongs to a void, or to the outside.
-pub(super) struct Crossing {
+pub(super) struct VoidCrossing {
     pub axis: Axis,
     /// Lower sample of the edge in the leaf.
     pub low: [usize; 3],
@@ -33,7 +33,7 @@ pub(super) struct Boundaries {
     /// Crossings of voids and of the outer surface; `None` if there are more than were allowed.
     pub points: Option<Vec<Point>>,
     /// By component the beads around it.
-    pub around: BTreeMap<usize, Around>,
+    pub around: BTreeMap<usize, SurroundingSegments>,
 }
 
 /// Gathers them. `is_void` picks components, behind which pores are numbered; at most `most_points` points are kept.
@@ -56,7 +56,7 @@ pub(super) fn boundaries(
     let is_wanted = |leaf: usize| changes(keys[leaf]) && (has_void(leaf) || has_outer(leaf));
     let make = |number: usize, leaf: &Leaf<'_>, components: &Components| {
         let mut points = Vec::new();
-        let mut around: BTreeMap<usize, Around> = BTreeMap::new();
+        let mut around: BTreeMap<usize, SurroundingSegments> = BTreeMap::new();
         let segments = match tracer {
             Some(tracer) if has_void(number) || pores.is_some() => Some(tracer.segments(leaf.key)?),
             _ => None,
@@ -101,7 +101,7 @@ pub(super) fn boundaries(
 }
 
 /// Calls `each` with the crossings of the edges that a leaf owns.
-pub(super) fn each_crossing(key: NodeKey, brick: &Brick, mut each: impl FnMut(Crossing)) {
+pub(super) fn each_crossing(key: NodeKey, brick: &Brick, mut each: impl FnMut(VoidCrossing)) {
     let Brick::Counts { samples, hermite } = brick else { return };
     let signs = crate::brick::SignChanges::of(samples);
     if hermite.edges.each_ref().map(Vec::len) != signs.counts() {
@@ -126,11 +126,11 @@ fn crossing(
     low_is_inside: bool,
     edge: HermiteEdge,
     step: f64,
-) -> Crossing {
+) -> VoidCrossing {
     let mut at = low.map(|c| c as f64);
     at[axis.index()] += edge.fraction();
     let normal = edge.normal.to_vector();
     let share = step * step / normal.iter().map(|c| c.abs()).sum::<f64>();
     let at = [0, 1, 2].map(|a| f64::from(key.base()[a]) + 1.0 + at[a] * step);
-    Crossing { axis, low, low_is_inside, at, normal, share }
+    VoidCrossing { axis, low, low_is_inside, at, normal, share }
 }

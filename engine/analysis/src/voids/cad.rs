@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A brick of the other tree for the samples of a node: of the node itself, or of a leaf above it.
-pub(super) struct Held {
+pub(super) struct CadBrick {
     brick: Arc<Brick>,
     /// Levels between the two.
     up: u32,
@@ -19,14 +19,14 @@ pub(super) struct Held {
     first: [usize; 3],
 }
 
-impl Held {
+impl CadBrick {
     /// The brick for a node's samples; `None` outside the tree, which does not happen.
-    pub fn of(tree: &dyn BrickTree, key: NodeKey) -> Result<Option<Held>> {
+    pub fn of(tree: &dyn BrickTree, key: NodeKey) -> Result<Option<CadBrick>> {
         let above = (0..=key.level()).rev().filter_map(|level| key.ancestor(level));
         let Some(node) = above.into_iter().find(|above| tree.node(*above).is_some()) else { return Ok(None) };
         let bits = key.spacing_bits();
         let first = [0, 1, 2].map(|a| ((key.base()[a] - node.base()[a]) >> bits) as usize);
-        Ok(Some(Held { brick: tree.brick(node)?, up: u32::from(key.level() - node.level()), first }))
+        Ok(Some(CadBrick { brick: tree.brick(node)?, up: u32::from(key.level() - node.level()), first }))
     }
 
     pub fn is_solid(&self, at: [usize; 3]) -> bool {
@@ -49,7 +49,7 @@ pub(super) fn cad_shares(
     let is_wanted = |leaf: usize| labelling.in_leaf(leaf).flatten().any(is_void);
     let make = |number: usize, leaf: &Leaf<'_>, components: &Components| {
         let mut counts: BTreeMap<usize, [u128; 2]> = BTreeMap::new();
-        let Some(held) = Held::of(cad, leaf.key)? else { return Ok(counts) };
+        let Some(held) = CadBrick::of(cad, leaf.key)? else { return Ok(counts) };
         let cells = 3 * leaf.key.spacing_bits();
         for (j, k) in (0..BRICK_CELLS).flat_map(|k| (0..BRICK_CELLS).map(move |j| (j, k))) {
             for run in components.row(j, k) {

@@ -10,23 +10,23 @@ use std::collections::BTreeSet;
 pub(super) const NONE: u16 = u16::MAX;
 
 /// What is known of the cells of a node, as bits by row k·33 + j. Cells that are neither are void for certain.
-pub(super) struct Known {
+pub(super) struct CellBits {
     /// Solid for certain.
     pub solid: Vec<u64>,
     /// Touched by a surface, so either.
     pub touched: Vec<u64>,
 }
 
-impl Known {
+impl CellBits {
     /// Nothing touches any cell, and none is solid.
-    pub fn void() -> Known {
-        Known { solid: vec![0; ROWS], touched: vec![0; ROWS] }
+    pub fn void() -> CellBits {
+        CellBits { solid: vec![0; ROWS], touched: vec![0; ROWS] }
     }
 }
 
 /// Cells of a node that may be void, as groups that hang together within it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Cells {
+pub(super) struct VoidCells {
     /// By group: whether its cells may be solid as well as void. The others are void for certain.
     pub either: Vec<bool>,
     /// By axis and side: the groups of the cells on a face, or the only one of a node that is one group as a whole.
@@ -37,11 +37,11 @@ pub(super) struct Cells {
     pub beside: BTreeSet<(u16, u16)>,
 }
 
-impl Cells {
+impl VoidCells {
     /// All cells of a node are one group, to which the components belong that are void.
-    pub fn whole(components: impl Iterator<Item = u16>, either: bool) -> Cells {
+    pub fn whole(components: impl Iterator<Item = u16>, either: bool) -> VoidCells {
         let face = || [vec![0], vec![0]];
-        Cells {
+        VoidCells {
             either: vec![either],
             faces: [face(), face(), face()],
             components: components.map(|c| (c, 0)).collect(),
@@ -50,14 +50,14 @@ impl Cells {
     }
 
     /// In groups. `sample` tells of which component the sample at a cell's lower corner is, if it is void.
-    pub fn grouped(known: &Known, sample: impl Fn([usize; 3]) -> Option<u16>) -> Cells {
+    pub fn grouped(known: &CellBits, sample: impl Fn([usize; 3]) -> Option<u16>) -> VoidCells {
         let mut groups = vec![NONE; POINTS];
         let void = put_groups(&mut groups, 0, |row| !known.solid[row] & !known.touched[row]);
         let either = put_groups(&mut groups, void, |row| !known.solid[row] & known.touched[row]);
         let group = |[i, j, k]: [usize; 3]| groups[(k * BRICK_POINTS + j) * BRICK_POINTS + i];
-        let mut cells = Cells {
+        let mut cells = VoidCells {
             either: (0..void).map(|_| false).chain((0..either).map(|_| true)).collect(),
-            ..Cells::default()
+            ..VoidCells::default()
         };
         let mut last = (NONE, NONE);
         for n in 0..BRICK_CELLS.pow(3) {
@@ -153,20 +153,20 @@ mod tests {
     #[test]
     fn cells_of_three_kinds_are_grouped() {
         // A wall of cells that a surface touches, with solid on one half of it, parts the node in two.
-        let mut known = Known::void();
+        let mut known = CellBits::void();
         for k in 0..BRICK_CELLS {
             for j in 0..BRICK_CELLS {
                 let row = k * BRICK_POINTS + j;
                 if j < 16 { known.solid[row] |= 1 << 10 } else { known.touched[row] |= 1 << 10 }
             }
         }
-        let cells = Cells::grouped(&known, |at| (at == [20, 0, 0]).then_some(3));
+        let cells = VoidCells::grouped(&known, |at| (at == [20, 0, 0]).then_some(3));
         assert_eq!(cells.either, [false, false, true]);
         assert_eq!(cells.beside, BTreeSet::from([(0, 2), (1, 2)]));
         assert_eq!(cells.components, BTreeSet::from([(3, 1)]));
         assert_eq!((cells.face(Axis::X, false), cells.face(Axis::X, true)), (&[0][..], &[1][..]));
         assert_eq!(cells.at(Axis::Z, true, [10, 3]), NONE);
         assert_eq!(cells.at(Axis::Z, true, [10, 20]), 2);
-        assert!(Cells::whole([0].into_iter(), true).at(Axis::Y, false, [3, 4]) == 0);
+        assert!(VoidCells::whole([0].into_iter(), true).at(Axis::Y, false, [3, 4]) == 0);
     }
 }

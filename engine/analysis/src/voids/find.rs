@@ -7,8 +7,8 @@ use super::components::Connectivity;
 use super::labelling::{Labelling, label};
 use super::points::{OUTER, Point, PointTree, distance, inscribed};
 use super::pores::{Pore, Pores, pores};
-use super::sealed::{Source, sealed};
-use super::surface::{Surface, surfaces};
+use super::sealed::{SubcellField, sealed};
+use super::surface::{VoidSurface, surfaces};
 use super::totals::Total;
 use super::trace::{Trace, Tracer, has_sparse_infill};
 use crate::error::Result;
@@ -275,9 +275,9 @@ impl Voids {
             self.voids.iter_mut().for_each(|void| void.cad_share = shares.get(&void.component).copied());
         }
         let source = match (&tracer, options.source) {
-            (Some(tracer), _) => Source::Beads(tracer),
-            (None, Some(meshes)) => Source::Meshes(meshes),
-            (None, None) => Source::Samples,
+            (Some(tracer), _) => SubcellField::Beads(tracer),
+            (None, Some(meshes)) => SubcellField::Meshes(meshes),
+            (None, None) => SubcellField::Samples,
         };
         let sealed = sealed(store, labelling, &is_void, source, progress)?;
         self.source_differs = sealed.source_differs;
@@ -341,7 +341,7 @@ fn least_error(volume: f64, cell: f64) -> f64 {
 
 /// The volume within the polygons, if these are closed, else that of the chords. Chords are off where
 /// faces are in step with the cells; polygons are not, but the bound is that of the chords, and what the two differ by.
-fn by_polygons(surface: &Surface, chords: Total) -> (f64, f64) {
+fn by_polygons(surface: &VoidSurface, chords: Total) -> (f64, f64) {
     /// A surface is closed if its vectors of area add up to nothing but rounding.
     const OPEN_MOST: f64 = 1e-4;
     let open = surface.open.iter().map(|c| c * c).sum::<f64>().sqrt();
@@ -356,7 +356,7 @@ fn by_polygons(surface: &Surface, chords: Total) -> (f64, f64) {
 fn void_of(
     labelling: &Labelling,
     number: usize,
-    surface: Surface,
+    surface: VoidSurface,
     chords: Total,
     (root, cell): (RootCube, f64),
 ) -> Void {

@@ -48,7 +48,7 @@ pub struct Labelling {
 }
 
 /// What the threads make of a leaf.
-struct Made {
+struct LeafComponents {
     solid: Vec<bool>,
     sums: Vec<Sums>,
     uniform: bool,
@@ -56,17 +56,17 @@ struct Made {
     faces: [[FaceLabels; 2]; 3],
 }
 
-impl Made {
-    fn of(leaf: &Leaf<'_>, connectivity: Connectivity) -> Made {
+impl LeafComponents {
+    fn of(leaf: &Leaf<'_>, connectivity: Connectivity) -> LeafComponents {
         let (components, signs) = Components::of(leaf.brick, connectivity);
         let sums = sums_of(leaf.key, leaf.brick, &components, signs.as_ref());
         let faces = Axis::ALL.map(|axis| [false, true].map(|upper| components.face(axis, upper)));
-        Made { uniform: components.len() == 1, solid: components.solid, sums, faces }
+        LeafComponents { uniform: components.len() == 1, solid: components.solid, sums, faces }
     }
 }
 
 /// A leaf beyond whose faces others are still to come.
-struct Waiting {
+struct PendingLeaf {
     first: u32,
     uniform: bool,
     solid: Vec<bool>,
@@ -82,7 +82,7 @@ pub fn label(tree: &dyn BrickTree, connectivity: Connectivity, progress: &dyn Pr
     let order = LeafOrder::new(tree)?;
     progress.phase("connected components", Some(order.keys().len() as u64), "bricks");
     let mut joiner = Joiner::new(&order);
-    let make = |leaf: &Leaf<'_>| Ok(Made::of(leaf, connectivity));
+    let make = |leaf: &Leaf<'_>| Ok(LeafComponents::of(leaf, connectivity));
     visit(tree, order.keys(), progress, make, |number, made| joiner.add(number, made))?;
     let (first, of, components, outside) = joiner.finish();
     Ok(Labelling { connectivity, components, outside, first, of, order })
@@ -143,7 +143,7 @@ struct Joiner<'a> {
     first: Vec<u32>,
     /// Of the first components of sets.
     sums: HashMap<u32, Component>,
-    border: Border<Waiting>,
+    border: Border<PendingLeaf>,
 }
 
 impl<'a> Joiner<'a> {
@@ -160,7 +160,7 @@ impl<'a> Joiner<'a> {
         }
     }
 
-    fn add(&mut self, leaf: usize, made: Made) -> Result<()> {
+    fn add(&mut self, leaf: usize, made: LeafComponents) -> Result<()> {
         let count = made.sums.len();
         let first = u32::try_from(self.sets.len() + count).map_err(|_| too_many())? - count as u32;
         self.first.push(first);
@@ -169,7 +169,7 @@ impl<'a> Joiner<'a> {
             let component = Component { solid: made.solid[label], sums, uneven: false };
             self.sums.insert(first + label as u32, component);
         }
-        let own = Waiting { first, uniform: made.uniform, solid: made.solid, faces: made.faces };
+        let own = PendingLeaf { first, uniform: made.uniform, solid: made.solid, faces: made.faces };
         let mut border = std::mem::take(&mut self.border);
         border.add(self.order, leaf, own, |own, face, there| match there {
             None => self.join_outside(own, face),
@@ -179,7 +179,7 @@ impl<'a> Joiner<'a> {
         Ok(())
     }
 
-    fn join_outside(&mut self, own: &Waiting, (axis, upper): Face) {
+    fn join_outside(&mut self, own: &PendingLeaf, (axis, upper): Face) {
         for &(_, label) in &own.faces[axis.index()][usize::from(upper)] {
             if !own.solid[usize::from(label)] {
                 self.unite(OUTSIDE, own.first + u32::from(label));
@@ -190,8 +190,8 @@ impl<'a> Joiner<'a> {
     /// Joins a leaf to one that came before, which lies across its lower or upper face.
     fn join_leaves(
         &mut self,
-        (leaf, own): (usize, &Waiting),
-        (other, there): (usize, &Waiting),
+        (leaf, own): (usize, &PendingLeaf),
+        (other, there): (usize, &PendingLeaf),
         (axis, upper): Face,
     ) {
         let own_face = &own.faces[axis.index()][usize::from(upper)];

@@ -1,6 +1,6 @@
 //! What the source has within a node: the triangles, or the segments of beads, that touch it.
 
-use super::cells::Known;
+use super::cells::CellBits;
 use super::covered::{ROWS, solid_cells};
 use crate::brick::{Brick, Hermite, point_index};
 use crate::error::Result;
@@ -45,10 +45,10 @@ impl Matter {
         key: NodeKey,
         corner: i16,
         solids: Option<&Solids>,
-    ) -> Result<(Known, Option<Brick>)> {
+    ) -> Result<(CellBits, Option<Brick>)> {
         match (self, solids) {
             (Matter::Segments(segments), Some(solids)) => Ok((of_segments(key, solids, segments), None)),
-            (Matter::Segments(_), None) => Ok((Known::void(), None)),
+            (Matter::Segments(_), None) => Ok((CellBits::void(), None)),
             (Matter::Triangles(triangles), _) => {
                 let (known, brick) = of_triangles(key, corner, triangles)?;
                 Ok((known, Some(brick)))
@@ -121,8 +121,8 @@ fn descend(
     }
 }
 
-fn of_segments(key: NodeKey, solids: &Solids, segments: &[Segment]) -> Known {
-    let mut known = Known { solid: solid_cells(solids, key, segments), ..Known::void() };
+fn of_segments(key: NodeKey, solids: &Solids, segments: &[Segment]) -> CellBits {
+    let mut known = CellBits { solid: solid_cells(solids, key, segments), ..CellBits::void() };
     for segment in segments {
         let bounds = solids.bounds(segment);
         let mut part = |low: Units, size: i32, _: usize| {
@@ -139,13 +139,13 @@ fn of_segments(key: NodeKey, solids: &Solids, segments: &[Segment]) -> Known {
     known
 }
 
-fn of_triangles(key: NodeKey, corner: i16, triangles: &[Triangle]) -> Result<(Known, Brick)> {
+fn of_triangles(key: NodeKey, corner: i16, triangles: &[Triangle]) -> Result<(CellBits, Brick)> {
     let indices: Vec<u32> = (0..triangles.len() as u32).collect();
     let mut evaluator = Evaluator::default();
     let list = TriangleList { array: triangles, indices: &indices };
     let evaluation = evaluator.evaluate(key, corner, list)?;
     let (signs, samples) = (evaluation.signs.clone(), evaluation.samples.clone());
-    let mut known = Known::void();
+    let mut known = CellBits::void();
     // By cell, the triangles that touch it.
     let mut touching: Vec<(u32, u32)> = Vec::new();
     for (number, triangle) in triangles.iter().enumerate() {

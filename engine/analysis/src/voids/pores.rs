@@ -4,7 +4,7 @@
 //! in watersheds). Where a basin meets the outside, its throat is as wide as the clearance there, so the largest ball that can leave it
 //! is known from one sort. Samples that are nearer to solid fill the basins afterwards, so each has its whole volume.
 
-use super::cad::Held;
+use super::cad::CadBrick;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
 use crate::progress::Progress;
@@ -157,7 +157,7 @@ fn solid_at(store: &Store, level: u8, first: [usize; 3], size: [usize; 3]) -> Re
                 for bx in first[0] / BRICK_CELLS..=(first[0] + size[0] - 1) / BRICK_CELLS {
                     let brick = [bx, by, bz];
                     let Some(key) = NodeKey::new(level, brick.map(|b| b as u32)) else { continue };
-                    let Some(held) = Held::of(store, key)? else { continue };
+                    let Some(held) = CadBrick::of(store, key)? else { continue };
                     let low = [0, 1, 2]
                         .map(|a| (brick[a] * BRICK_CELLS).max(if a == 2 { zs.start } else { first[a] }));
                     let ends = [first[0] + size[0], first[1] + size[1], zs.end];

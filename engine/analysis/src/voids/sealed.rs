@@ -9,7 +9,7 @@
 //! voids that lead through the fewest groups of cells that may be either. The nodes there are divided, and those below them,
 //! until a path is open or shut, or the bound on such nodes is reached.
 
-use super::cells::{Cells, NONE};
+use super::cells::{NONE, VoidCells};
 use super::components::Components;
 use super::labelling::Labelling;
 use super::matter::{Corners, Matter, corners, gather};
@@ -37,7 +37,7 @@ const OUTSIDE: u32 = 0;
 
 /// What can be asked of what lies between samples.
 #[derive(Clone, Copy)]
-pub(super) enum Source<'a> {
+pub(super) enum SubcellField<'a> {
     /// Nothing.
     Samples,
     /// The segments of beads that the store keeps.
@@ -48,7 +48,7 @@ pub(super) enum Source<'a> {
 
 /// What was found of voids, by component; those in neither list are sealed as far as samples tell.
 #[derive(Debug, Default)]
-pub(super) struct Sealed {
+pub(super) struct SealFindings {
     pub certain: BTreeSet<usize>,
     pub open: BTreeSet<usize>,
     /// The source has other samples than the store, so it was not believed.
@@ -59,7 +59,7 @@ pub(super) struct Sealed {
 struct Node {
     /// The leaf that it belongs to.
     leaf: usize,
-    cells: Cells,
+    cells: VoidCells,
     /// What touches it, and w at the corners of its children, once it has been asked for.
     asked: Option<(Matter, Corners)>,
 }
@@ -72,13 +72,13 @@ pub(super) fn sealed(
     store: &Store,
     labelling: &Labelling,
     is_void: &(dyn Fn(usize) -> bool + Sync),
-    source: Source<'_>,
+    source: SubcellField<'_>,
     progress: &dyn Progress,
-) -> Result<Sealed> {
-    let mut found = Sealed::default();
+) -> Result<SealFindings> {
+    let mut found = SealFindings::default();
     let count = labelling.components.len();
     let mut left: Vec<usize> = (0..count).filter(|&c| is_void(c) && !labelling.components[c].solid).collect();
-    let mut judge = Judge::new(store, labelling, source);
+    let mut judge = SealRules::new(store, labelling, source);
     let mut nodes = judge.leaves();
     let mut faces = Faces::new();
     let mut budget = judge.budget(&nodes);
@@ -97,7 +97,7 @@ pub(super) fn sealed(
             break;
         }
         let Some(asked) = judge.ask(&mut nodes, &keys, progress)? else {
-            return Ok(Sealed { source_differs: true, ..Sealed::default() });
+            return Ok(SealFindings { source_differs: true, ..SealFindings::default() });
         };
         budget = budget.saturating_sub(asked);
         progress.advance(asked as u64);
@@ -106,16 +106,16 @@ pub(super) fn sealed(
 }
 
 /// What decides which cells are solid for certain.
-struct Judge<'a> {
+struct SealRules<'a> {
     store: &'a Store,
     labelling: &'a Labelling,
-    source: Source<'a>,
+    source: SubcellField<'a>,
     /// Leaves of lower levels are uniform because nothing touches them.
     limit: u8,
 }
 
-impl<'a> Judge<'a> {
-    fn new(store: &'a Store, labelling: &'a Labelling, source: Source<'a>) -> Judge<'a> {
+impl<'a> SealRules<'a> {
+    fn new(store: &'a Store, labelling: &'a Labelling, source: SubcellField<'a>) -> SealRules<'a> {
         let meta = store.meta();
         let limit = match meta.refine {
             _ if meta.stddev > 0.0 || meta.tolerance.is_some_and(|t| t > 0.0) => 0,
@@ -123,7 +123,7 @@ impl<'a> Judge<'a> {
             Refine::Thin { base } => base,
             Refine::Hidden | Refine::Surface => meta.depth,
         };
-        Judge { store, labelling, source, limit }
+        SealRules { store, labelling, source, limit }
     }
 
     /// All leaves, of which nothing was asked.
@@ -137,9 +137,9 @@ impl<'a> Judge<'a> {
                     .map(|(n, _)| n as u16)
             };
             let cells = match uniform {
-                Some(node) if node.min >= 1 => Cells::default(),
-                Some(_) => Cells::whole(voids(), false),
-                None => Cells::whole(voids(), true),
+                Some(node) if node.min >= 1 => VoidCells::default(),
+                Some(_) => VoidCells::whole(voids(), false),
+                None => VoidCells::whole(voids(), true),
             };
             (key, Node { leaf, cells, asked: None })
         };
@@ -149,10 +149,10 @@ impl<'a> Judge<'a> {
     /// How many nodes may be asked for.
     fn budget(&self, nodes: &BTreeMap<NodeKey, Node>) -> usize {
         match self.source {
-            Source::Samples => 0,
-            Source::Meshes(_) => NODES_OF_MESHES,
+            SubcellField::Samples => 0,
+            SubcellField::Meshes(_) => NODES_OF_MESHES,
             // All leaves, and a few nodes below them.
-            Source::Beads(_) => {
+            SubcellField::Beads(_) => {
                 NODES_OF_BEADS + nodes.values().filter(|node| node.cells.either == [true]).count()
             }
         }
@@ -166,7 +166,7 @@ impl<'a> Judge<'a> {
         left: &[usize],
         from_outside: &[u32],
     ) -> Vec<NodeKey> {
-        if matches!(self.source, Source::Samples) || left.is_empty() {
+        if matches!(self.source, SubcellField::Samples) || left.is_empty() {
             return Vec::new();
         }
         let voids: Vec<u32> = left.iter().map(|&void| void as u32 + 1).collect();
@@ -242,7 +242,7 @@ impl<'a> Judge<'a> {
 
     fn solids(&self) -> Option<&crate::solid::Solids> {
         match self.source {
-            Source::Beads(tracer) => Some(tracer.solids()),
+            SubcellField::Beads(tracer) => Some(tracer.solids()),
             _ => None,
         }
     }
@@ -250,11 +250,11 @@ impl<'a> Judge<'a> {
     /// What touches some leaves.
     fn matter(&self, leaves: &[NodeKey], progress: &dyn Progress) -> Result<Vec<Matter>> {
         match self.source {
-            Source::Samples => Ok(Vec::new()),
-            Source::Beads(tracer) => {
+            SubcellField::Samples => Ok(Vec::new()),
+            SubcellField::Beads(tracer) => {
                 leaves.par_iter().map(|leaf| Ok(Matter::Segments(tracer.listed(*leaf)?))).collect()
             }
-            Source::Meshes(sources) => {
+            SubcellField::Meshes(sources) => {
                 let lists = gather(sources, self.store.root(), leaves, progress)?;
                 Ok(lists.into_iter().map(Matter::Triangles).collect())
             }
@@ -281,7 +281,7 @@ impl<'a> Judge<'a> {
                 return Ok(None);
             }
         }
-        let cells = Cells::grouped(&known, void_at(key, leaf_key, components));
+        let cells = VoidCells::grouped(&known, void_at(key, leaf_key, components));
         let corners = own.as_ref().map_or_else(Corners::default, corners);
         Ok(Some(Node { leaf, cells, asked: Some((matter, corners)) }))
     }
@@ -296,13 +296,13 @@ impl<'a> Judge<'a> {
     ) -> Node {
         let is_solid = corner >= 1 && matches!(matter, Matter::Triangles(_));
         let cells = if is_solid {
-            Cells::default()
+            VoidCells::default()
         } else {
             let sample = void_at(key, leaf_key, components);
             let cells = 0..BRICK_CELLS.pow(3);
             let at = |n: usize| [n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / BRICK_CELLS.pow(2)];
             let labels: BTreeSet<u16> = cells.filter_map(|n| sample(at(n))).collect();
-            Cells::whole(labels.into_iter(), false)
+            VoidCells::whole(labels.into_iter(), false)
         };
         Node { leaf, cells, asked: Some((matter, [[[corner; 3]; 3]; 3])) }
     }
@@ -422,7 +422,11 @@ impl Graph {
 }
 
 /// The pairs of groups that touch across the upper face of one node along an axis.
-fn joined((own, key): (&Cells, NodeKey), (theirs, other): (&Cells, NodeKey), axis: Axis) -> Vec<(u16, u16)> {
+fn joined(
+    (own, key): (&VoidCells, NodeKey),
+    (theirs, other): (&VoidCells, NodeKey),
+    axis: Axis,
+) -> Vec<(u16, u16)> {
     let (one, two) = (own.face(axis, true), theirs.face(axis, false));
     if one.is_empty() || two.is_empty() {
         return Vec::new();

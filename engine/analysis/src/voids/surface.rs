@@ -21,7 +21,7 @@ const CURVED_MOST: f64 = 0.3;
 
 /// Sums over the polygons of a void.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct VoidSurface {
     /// In square world units.
     pub area: f64,
     /// In cubic world units, signed: positive of a void.
@@ -42,9 +42,9 @@ pub struct Surface {
     farthest: Box<[(f64, [f64; 3]); DIRECTIONS]>,
 }
 
-impl Default for Surface {
-    fn default() -> Surface {
-        Surface {
+impl Default for VoidSurface {
+    fn default() -> VoidSurface {
+        VoidSurface {
             area: 0.0,
             volume: 0.0,
             open: [0.0; 3],
@@ -58,8 +58,8 @@ impl Default for Surface {
     }
 }
 
-impl Surface {
-    fn add(&mut self, other: Surface) {
+impl VoidSurface {
+    fn add(&mut self, other: VoidSurface) {
         self.mesh.extend(&other.mesh);
         for a in 0..3 {
             self.projected[a] += other.projected[a];
@@ -125,7 +125,7 @@ pub(super) fn surfaces(
     centre: &(dyn Fn(usize) -> Option<[f64; 3]> + Sync),
     (cache_bytes, meshes): (usize, bool),
     progress: &dyn Progress,
-) -> Result<BTreeMap<usize, Surface>> {
+) -> Result<BTreeMap<usize, VoidSurface>> {
     let root = tree.root();
     let directions = directions();
     let is_wanted = |key: NodeKey| {
@@ -135,7 +135,7 @@ pub(super) fn surfaces(
     let make = |key: NodeKey, facets: &[EdgeFacet]| {
         let leaf = labelling.order.covering(key);
         let components = labelling.components_of(tree, leaf)?;
-        let mut surfaces: BTreeMap<usize, Surface> = BTreeMap::new();
+        let mut surfaces: BTreeMap<usize, VoidSurface> = BTreeMap::new();
         let mut facets: Vec<&EdgeFacet> = facets.iter().collect();
         facets.sort_by_key(|facet| (facet.axis, facet.low));
         for polygon in facets.chunk_by(|a, b| (a.axis, a.low) == (b.axis, b.low)) {
@@ -155,7 +155,7 @@ pub(super) fn surfaces(
         }
         Ok(surfaces)
     };
-    let mut all: BTreeMap<usize, Surface> = BTreeMap::new();
+    let mut all: BTreeMap<usize, VoidSurface> = BTreeMap::new();
     edge_facets(tree, cache_bytes, (Bend::Slight, is_wanted), progress, make, |surfaces| {
         for (component, surface) in surfaces {
             all.entry(component).or_default().add(surface);
@@ -175,7 +175,7 @@ fn crossing(root: RootCube, key: NodeKey, facet: &EdgeFacet) -> [f64; 3] {
 
 /// Adds the triangles of one polygon.
 fn add_polygon(
-    surface: &mut Surface,
+    surface: &mut VoidSurface,
     polygon: &[&EdgeFacet],
     crossing: [f64; 3],
     centre: [f64; 3],

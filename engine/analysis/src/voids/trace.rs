@@ -4,7 +4,7 @@
 //! the rule that the crossing was made by. So the segment whose interval ends at the crossing is the one, and nothing needs
 //! to be kept of it beside the crossing itself.
 
-use super::boundary::Crossing;
+use super::boundary::VoidCrossing;
 use super::class::may_be_sparse;
 use crate::analysis::solids_of;
 use crate::brick::Count;
@@ -78,7 +78,7 @@ pub(super) struct Segments(Vec<Listed>);
 
 impl Segments {
     /// The segment whose solid a line enters or leaves at a crossing, nearest to it within what its place is rounded to.
-    fn at(&self, key: NodeKey, crossing: &Crossing) -> Option<&BeadSegment> {
+    fn at(&self, key: NodeKey, crossing: &VoidCrossing) -> Option<&BeadSegment> {
         let axis = crossing.axis.index();
         let slack = 2.0 + f64::from(1u32 << key.spacing_bits()) / 32768.0;
         let mut best: Option<(f64, &BeadSegment)> = None;
@@ -104,15 +104,15 @@ impl Segments {
 
 /// The segments around a void, with what of its surface is theirs.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Around {
+pub(super) struct SurroundingSegments {
     /// By pass and line: shares in [`SHARE_STEPS`], and the first of the segments.
     segments: BTreeMap<(u32, u64), (u128, BeadSegment)>,
     /// What belongs to no segment.
     unknown: u128,
 }
 
-impl Around {
-    pub fn add(&mut self, segments: &Segments, key: NodeKey, crossing: &Crossing) {
+impl SurroundingSegments {
+    pub fn add(&mut self, segments: &Segments, key: NodeKey, crossing: &VoidCrossing) {
         let share = (crossing.share * SHARE_STEPS).round() as u128;
         match segments.at(key, crossing) {
             Some(segment) => self.put((segment.pass, segment.line), share, *segment),
@@ -129,7 +129,7 @@ impl Around {
         }
     }
 
-    pub fn join(&mut self, other: Around) {
+    pub fn join(&mut self, other: SurroundingSegments) {
         self.unknown += other.unknown;
         for (name, (share, segment)) in other.segments {
             self.put(name, share, segment);
@@ -171,7 +171,7 @@ pub struct Trace {
 }
 
 impl Trace {
-    pub(super) fn of(around: &Around, tracer: &Tracer<'_>) -> Option<Trace> {
+    pub(super) fn of(around: &SurroundingSegments, tracer: &Tracer<'_>) -> Option<Trace> {
         let total: u128 = around.segments.values().map(|(share, _)| share).sum::<u128>() + around.unknown;
         if around.segments.is_empty() || total == 0 {
             return None;
@@ -219,7 +219,10 @@ impl Trace {
 
 /// Whether infill that may be sparse is: of its lines that follow each other beside voids most lie farther apart than half their
 /// width more than they are wide. The lines of dense infill touch.
-pub(super) fn has_sparse_infill<'b>(all: impl Iterator<Item = &'b Around>, tracer: &Tracer<'_>) -> bool {
+pub(super) fn has_sparse_infill<'b>(
+    all: impl Iterator<Item = &'b SurroundingSegments>,
+    tracer: &Tracer<'_>,
+) -> bool {
     const SPARSE: f64 = 1.5;
     /// Lines nearer than this share of their width are joined end to end.
     const JOINED: f64 = 0.25;
@@ -245,7 +248,7 @@ pub(super) fn has_sparse_infill<'b>(all: impl Iterator<Item = &'b Around>, trace
 
 /// Pairs of lines that follow each other around the void, in one layer, whose centre lines are farther apart than wide. Lines of
 /// a raster follow each other with turns between them, so each is also compared with the next one that runs along it.
-fn missing(around: &Around, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
+fn missing(around: &SurroundingSegments, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
     /// Lines laid at their width stand a little nearer than that; one missing between makes it twice.
     const APART: f64 = 1.25;
     /// Lines farther apart than this are on two sides of the part, as those of a loop, and not of a line that is missing.

@@ -1,7 +1,7 @@
 //! Bricks of one level, whatever leaf covers them.
 
 use super::Volume;
-use crate::analysis::Block;
+use crate::analysis::BrickBlock;
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::store::BrickTree;
@@ -18,8 +18,8 @@ pub(super) fn with_block<T>(
     key: NodeKey,
     level: u8,
     position: [u32; 3],
-    with: impl FnOnce(&Block<'_>) -> T,
+    with: impl FnOnce(&BrickBlock<'_>) -> T,
 ) -> Result<T> {
     let brick = tree.brick_once(key)?;
-    Ok(with(&Block::new(&brick, key, level, position)))
+    Ok(with(&BrickBlock::new(&brick, key, level, position)))
 }

@@ -5,7 +5,7 @@
 
 use super::blocks;
 use super::{Format, LevelSupport, Volume};
-use crate::analysis::{Block, Element, covering};
+use crate::analysis::{BrickBlock, Element, covering};
 use crate::error::{Error, Result};
 use crate::lattice::BRICK_CELLS;
 use crate::part::PartFile;
@@ -179,7 +179,7 @@ impl Array<'_> {
 }
 
 /// The bytes of a brick's samples, x fastest.
-fn samples(block: &Block<'_>, element: Element, out: &mut Vec<u8>) {
+fn samples(block: &BrickBlock<'_>, element: Element, out: &mut Vec<u8>) {
     for n in 0..BRICK_CELLS.pow(3) {
         let at = [n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / BRICK_CELLS / BRICK_CELLS];
         match element {

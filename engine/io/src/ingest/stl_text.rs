@@ -20,7 +20,6 @@ use crate::progress::Progress;
 use crate::soup::Facet;
 use std::path::Path;
 
-
 /// What was read of a file.
 #[derive(Debug, Default)]
 pub(super) struct TextFacets {

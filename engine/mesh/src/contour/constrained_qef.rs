@@ -4,14 +4,14 @@
 //! One vertex in ten is such a one, spread over most groups of eight, so they wait here until eight have come together.
 //! A vertex has the same bits whatever it waits with.
 
-use super::lanes::{GROUP, Lanes, Matrix, Vec3, load, on_faces};
+use super::lanes::{GROUP, LoopLanes, Matrix, Vec3, load, on_faces};
 use super::qef::{PULL, TRUNCATION_SQUARED, Vector};
 use super::symmetric::dot;
 use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, level, mask64x8};
 
 /// What is known of loops, term by term: matrix (6) and right-hand side (3) about the mass point, mass point (3), the
 /// minimiser anywhere (3), and the largest eigenvalue, below zero where these last two are not known.
-pub(super) type LoopTerms = [Lanes; 16];
+pub(super) type LoopTerms = [LoopLanes; 16];
 
 /// A vertex and its cell.
 pub(super) type CellVertex = (u32, [usize; 3]);

@@ -8,7 +8,7 @@ use crate::wide::{Select, Simd, SimdBase, SimdMask, f64x8};
 pub(super) const GROUP: usize = 8;
 
 /// One number for each loop.
-pub(super) type Lanes = [f64; GROUP];
+pub(super) type LoopLanes = [f64; GROUP];
 
 /// Moves minimisers that are beyond one face of the box to those over the face, where these lie within the face and
 /// no direction of the face is truncated: no edge or corner of the face has a smaller error then. Returns a bit for
@@ -85,7 +85,7 @@ pub(super) fn inverse<S: Simd>(s: f64x8<S>) -> f64x8<S> {
 pub(super) type Matrix<S> = Symmetric<f64x8<S>>;
 
 #[inline(always)]
-pub(super) fn load<S: Simd>(simd: S, terms: &[Lanes; 6]) -> Matrix<S> {
+pub(super) fn load<S: Simd>(simd: S, terms: &[LoopLanes; 6]) -> Matrix<S> {
     let mut all = [f64x8::splat(simd, 0.0); 6];
     for (to, term) in all.iter_mut().zip(terms) {
         *to = f64x8::from_slice(simd, term);

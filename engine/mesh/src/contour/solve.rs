@@ -6,7 +6,7 @@
 
 use super::constrained_qef::LoopTerms;
 use super::edges::EdgePlace;
-use super::lanes::{GROUP, Lanes, Matrix, Vec3, divided, inverse, load, minus, on_faces, times};
+use super::lanes::{GROUP, LoopLanes, Matrix, Vec3, divided, inverse, load, minus, on_faces, times};
 use super::planes::EdgePlane;
 use super::qef::{Qef, SHARP, TRUNCATION_SQUARED, Vector, WideSums, most_least, ridge};
 use super::symmetric::{Symmetric, dot};
@@ -16,7 +16,7 @@ use crate::wide::{
 };
 
 #[inline(always)]
-fn put<const N: usize>(terms: &mut [Lanes; N], lane: usize, values: &[f64; N]) {
+fn put<const N: usize>(terms: &mut [LoopLanes; N], lane: usize, values: &[f64; N]) {
     for (term, &value) in terms.iter_mut().zip(values) {
         term[lane] = value;
     }
@@ -39,7 +39,7 @@ pub(super) struct LoopGroup {
     /// Term by term, as in [`Qef`].
     sums: Option<Box<Sums>>,
     /// Lower corners of the cells.
-    corners: [Lanes; 3],
+    corners: [LoopLanes; 3],
     /// Whether vertices of cells without a sharp crease are to stand on the surface. Of a smooth surface the planes meet as
     /// far outside of it as the mass point of their points lies inside: half way between them is the surface itself, but for
     /// terms of third order.
@@ -69,12 +69,12 @@ const MISSED: f64 = 3e-4;
 /// Sums of planes, term by term.
 #[derive(Clone, Default)]
 struct Sums {
-    matrix: [Lanes; 6],
-    rhs: [Lanes; 3],
-    points: [Lanes; 3],
-    normals: [Lanes; 3],
-    constant: Lanes,
-    count: Lanes,
+    matrix: [LoopLanes; 6],
+    rhs: [LoopLanes; 3],
+    points: [LoopLanes; 3],
+    normals: [LoopLanes; 3],
+    constant: LoopLanes,
+    count: LoopLanes,
 }
 
 /// What comes out of a group.
@@ -95,7 +95,7 @@ pub(super) struct SolvedGroup<S: Simd> {
     /// Bit per loop: one direction is truncated.
     pub lines: u64,
     /// That direction, of length one, of sharp ones.
-    pub along: [Lanes; 3],
+    pub along: [LoopLanes; 3],
     /// Bit per loop: no point within [`REACH`] cells of its cell's centre along every axis is within the miss asked for
     /// of all planes.
     pub apart: u64,

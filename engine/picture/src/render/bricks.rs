@@ -1,7 +1,7 @@
 //! Bricks as rays want them, kept under a byte budget.
 
-use super::field::{Blocks, Field, Scratch};
-use super::style::{Style, Surface};
+use super::field::{Blocks, FieldScratch, RayField};
+use super::style::{IsoSurface, Style};
 use crate::brick::{Brick, POINTS, point_index};
 use crate::error::Result;
 use crate::lattice::NodeKey;
@@ -14,11 +14,11 @@ use std::sync::Arc;
 const AT_HAND: usize = 32;
 
 /// What is made of a brick.
-pub(super) struct Prepared {
+pub(super) struct RayBrick {
     /// Of each of the style's surfaces.
-    pub surfaces: Vec<Passage>,
+    pub surfaces: Vec<SurfaceField>,
     /// For the style's haze; `None` where nobody asks, or nothing of it is seen.
-    pub volume: Option<Field>,
+    pub volume: Option<RayField>,
     /// Where any of these is worth a look.
     pub blocks: Blocks,
     /// Where w itself is asked for.
@@ -46,27 +46,27 @@ impl Counts {
 }
 
 /// Where a surface passes.
-pub(super) struct Passage {
+pub(super) struct SurfaceField {
     /// Its distance, or `None` where all samples lie on one side of it.
-    pub field: Option<Field>,
+    pub field: Option<RayField>,
     /// Whether the first sample lies inside, which tells of all where there is no field.
     pub is_inside: bool,
 }
 
-impl Prepared {
-    fn new(brick: &Brick, style: &Style, counts: bool, scratch: &mut Scratch) -> Prepared {
-        let mut passage = |surface: &Surface| Passage {
+impl RayBrick {
+    fn new(brick: &Brick, style: &Style, counts: bool, scratch: &mut FieldScratch) -> RayBrick {
+        let mut passage = |surface: &IsoSurface| SurfaceField {
             // Hermite edges are those of the boundary.
             field: match surface.w == 0.5 {
-                true => Field::boundary(brick, scratch),
-                false => Field::level(brick, surface.w),
+                true => RayField::boundary(brick, scratch),
+                false => RayField::level(brick, surface.w),
             },
             is_inside: first_sample(brick) >= surface.w,
         };
-        let surfaces: Vec<Passage> = style.surfaces.iter().map(&mut passage).collect();
+        let surfaces: Vec<SurfaceField> = style.surfaces.iter().map(&mut passage).collect();
         let volume = match (&style.volume, brick) {
             (Some(volume), Brick::Counts { samples, .. }) => {
-                Field::between(samples, volume.range(), volume.opacity.range())
+                RayField::between(samples, volume.range(), volume.opacity.range())
             }
             _ => None,
         };
@@ -74,7 +74,7 @@ impl Prepared {
         let fields = surfaces.iter().filter_map(|passage| passage.field.as_ref()).chain(&volume);
         fields.for_each(|field| field.add_blocks(&mut blocks));
         let counts = counts.then(|| Counts::of(brick));
-        Prepared { surfaces, volume, blocks, counts }
+        RayBrick { surfaces, volume, blocks, counts }
     }
 
     /// Its page: what it has, where anything is worth a look, w itself, and its fields. Returns how many words that are.
@@ -103,13 +103,13 @@ impl Prepared {
     /// The most that one takes which has every field, and w itself if `counts`.
     pub fn heap_bytes_max(style: &Style, counts: bool) -> usize {
         let fields = style.surfaces.len() + usize::from(style.volume.is_some());
-        fields * Field::heap_bytes() + if counts { POINTS } else { 0 }
+        fields * RayField::heap_bytes() + if counts { POINTS } else { 0 }
     }
 
     fn heap_bytes(&self) -> usize {
         let fields = self.surfaces.iter().filter(|passage| passage.field.is_some()).count();
         let fields = fields + usize::from(self.volume.is_some());
-        fields * Field::heap_bytes() + self.counts.as_ref().map_or(0, |counts| counts.0.len())
+        fields * RayField::heap_bytes() + self.counts.as_ref().map_or(0, |counts| counts.0.len())
     }
 }
 
@@ -128,14 +128,14 @@ pub(super) struct Bricks<'a> {
     pub counts: bool,
     /// Bytes for what is kept.
     pub bytes_max: u64,
-    cache: BrickCache<Prepared>,
+    cache: BrickCache<RayBrick>,
 }
 
 /// A thread's own bricks, and room to make more.
 #[derive(Default)]
-pub(super) struct Lane {
-    held: Vec<Option<(NodeKey, Arc<Prepared>)>>,
-    scratch: Scratch,
+pub(super) struct ThreadBricks {
+    held: Vec<Option<(NodeKey, Arc<RayBrick>)>>,
+    scratch: FieldScratch,
 }
 
 impl<'a> Bricks<'a> {
@@ -145,7 +145,7 @@ impl<'a> Bricks<'a> {
     }
 
     /// The brick of a node, prepared. Two threads may both prepare one, to the same content.
-    pub fn get(&self, key: NodeKey, lane: &mut Lane) -> Result<Arc<Prepared>> {
+    pub fn get(&self, key: NodeKey, lane: &mut ThreadBricks) -> Result<Arc<RayBrick>> {
         let [x, y, z] = key.position();
         let slot = (x ^ y << 2 ^ z << 4 ^ x >> 5 ^ y >> 3) as usize % AT_HAND;
         lane.held.resize(AT_HAND, None);
@@ -156,7 +156,7 @@ impl<'a> Bricks<'a> {
             Some(prepared) => prepared,
             None => {
                 let brick = self.tree.brick_once(key)?;
-                let prepared = Arc::new(Prepared::new(&brick, &self.style, self.counts, &mut lane.scratch));
+                let prepared = Arc::new(RayBrick::new(&brick, &self.style, self.counts, &mut lane.scratch));
                 self.cache.insert(key, &prepared, prepared.heap_bytes());
                 prepared
             }

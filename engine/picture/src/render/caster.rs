@@ -1,7 +1,7 @@
 //! Pictures by a device: rays go there from brick to brick, and the bricks that they come to are prepared here and brought.
 //! Whatever a device does not do, the processor does.
 
-use super::bricks::{Bricks, Lane, Prepared};
+use super::bricks::{Bricks, RayBrick, ThreadBricks};
 use super::frame::{Frame, TILE as BAND_ROWS};
 use super::nodes::Nodes;
 use super::relief::Band;
@@ -208,7 +208,7 @@ impl<'a> Caster<'a> {
         assert!(std::ptr::addr_eq(frame.scene.bricks.tree, self.tree), "a frame of another tree");
         self.ready.clear();
         let mut is_complete = true;
-        let order = Order { frame, sight: sight_of(frame), deadline, progress };
+        let order = PictureJob { frame, sight: sight_of(frame), deadline, progress };
         let is_resolved = is_resolved(&order.sight);
         if is_resolved {
             self.prepare(frame.scene);
@@ -257,7 +257,7 @@ fn is_resolved(sight: &Sight) -> bool {
 }
 
 /// A picture that is to be drawn.
-struct Order<'f> {
+struct PictureJob<'f> {
     frame: &'f Frame<'f>,
     /// What the device is told of it.
     sight: Sight,
@@ -274,7 +274,7 @@ struct Device<'a> {
     /// By node.
     keys: Vec<NodeKey>,
     /// By thread.
-    lanes: Vec<Mutex<Lane>>,
+    lanes: Vec<Mutex<ThreadBricks>>,
 }
 
 /// Whether bricks must know w itself.
@@ -301,7 +301,7 @@ impl<'a> Device<'a> {
         let rays = RayCaster::new(gpu, kernels, shown)?;
         let keys = scene.nodes.keys(tree);
         // Beside what is kept: the bricks that are brought together, and the bands of as many pixels as there are rays.
-        let brought = rays.staged_max() as usize * Prepared::heap_bytes_max(style, counts);
+        let brought = rays.staged_max() as usize * RayBrick::heap_bytes_max(style, counts);
         let bands = rays.tiles_max(1) as usize * SIDE * SIDE * PIXEL_BYTES;
         let beside = (size_of_val(&*keys) + brought + bands) as u64;
         let bytes_max = scene.bricks.bytes_max.saturating_sub(beside);
@@ -330,11 +330,11 @@ impl<'a> Device<'a> {
     /// they are complete.
     fn bands(
         &mut self,
-        order: &Order<'_>,
+        order: &PictureJob<'_>,
         number: u32,
         report: &mut CasterReport,
     ) -> Cast<(VecDeque<Band>, bool)> {
-        let Order { frame, sight, .. } = *order;
+        let PictureJob { frame, sight, .. } = *order;
         let [width, height] = frame.scene.size;
         let across = width.div_ceil(TILE);
         let tiles_max = self.rays.tiles_max(sight.rays);
@@ -357,7 +357,13 @@ impl<'a> Device<'a> {
     ///
     /// A device that asks for nothing that can be brought, or for nothing while rays wait, for longer than any ray is,
     /// is at fault.
-    fn cast(&mut self, order: &Order<'_>, sight: Sight, tiles: u32, report: &mut CasterReport) -> Cast<bool> {
+    fn cast(
+        &mut self,
+        order: &PictureJob<'_>,
+        sight: Sight,
+        tiles: u32,
+        report: &mut CasterReport,
+    ) -> Cast<bool> {
         self.rays.begin(sight, tiles);
         let (mut is_draft, mut is_complete) = (false, true);
         let mut idle = 0;

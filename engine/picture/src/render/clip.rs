@@ -5,7 +5,7 @@ use crate::lattice::Axis;
 
 /// A plane across an axis, and the side of it that is cut away.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cut {
+pub struct CutPlane {
     /// The axis.
     pub axis: Axis,
     /// Where on it, in world coordinates.
@@ -16,7 +16,7 @@ pub struct Cut {
 
 /// The part of a ray that is looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Span {
+pub(super) struct RaySpan {
     pub from: f64,
     pub to: f64,
     /// Where the ray comes in through a plane of a cut: the normal of that plane towards the eye.
@@ -25,15 +25,15 @@ pub(super) struct Span {
 
 /// A box of which some sides are cuts.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Clip {
+pub(super) struct ClipBox {
     corners: [Vector; 2],
     is_cut: [[bool; 3]; 2],
 }
 
-impl Clip {
+impl ClipBox {
     /// All of the box `corners` that no cut takes away.
-    pub fn new(corners: [Vector; 2], cuts: &[Cut]) -> Clip {
-        let mut clip = Clip { corners, is_cut: [[false; 3]; 2] };
+    pub fn new(corners: [Vector; 2], cuts: &[CutPlane]) -> ClipBox {
+        let mut clip = ClipBox { corners, is_cut: [[false; 3]; 2] };
         for cut in cuts {
             let (axis, side) = (cut.axis.index(), usize::from(cut.above));
             let bound = &mut clip.corners[side][axis];
@@ -61,8 +61,8 @@ impl Clip {
     }
 
     /// The part of a ray from its origin on that lies within.
-    pub fn span(&self, ray: &Ray) -> Option<Span> {
-        let mut span = Span { from: 0.0, to: f64::INFINITY, cut: None };
+    pub fn span(&self, ray: &Ray) -> Option<RaySpan> {
+        let mut span = RaySpan { from: 0.0, to: f64::INFINITY, cut: None };
         for a in 0..3 {
             let (origin, d) = (ray.origin[a], ray.direction[a]);
             if d == 0.0 {
@@ -91,17 +91,22 @@ mod tests {
 
     #[test]
     fn rays_are_cut_where_planes_are() {
-        let cuts =
-            [Cut { axis: Axis::X, at: 3.0, above: true }, Cut { axis: Axis::Z, at: -9.0, above: false }];
-        let clip = Clip::new([[0.0; 3], [4.0; 3]], &cuts);
+        let cuts = [
+            CutPlane { axis: Axis::X, at: 3.0, above: true },
+            CutPlane { axis: Axis::Z, at: -9.0, above: false },
+        ];
+        let clip = ClipBox::new([[0.0; 3], [4.0; 3]], &cuts);
         assert_eq!(clip.corners(), [[0.0; 3], [3.0, 4.0, 4.0]]);
         let ray = |origin, direction| clip.span(&Ray { origin, direction });
         let cut = Some([1.0, 0.0, 0.0]);
-        assert_eq!(ray([10.0, 1.0, 1.0], [-1.0, 0.0, 0.0]), Some(Span { from: 7.0, to: 10.0, cut }));
-        assert_eq!(ray([1.0, 1.0, 9.0], [0.0, 0.0, -1.0]), Some(Span { from: 5.0, to: 9.0, cut: None }));
+        assert_eq!(ray([10.0, 1.0, 1.0], [-1.0, 0.0, 0.0]), Some(RaySpan { from: 7.0, to: 10.0, cut }));
+        assert_eq!(ray([1.0, 1.0, 9.0], [0.0, 0.0, -1.0]), Some(RaySpan { from: 5.0, to: 9.0, cut: None }));
         assert_eq!(ray([1.0, 1.0, 9.0], [0.0, 0.0, 1.0]), None);
         assert_eq!(ray([3.5, 1.0, 9.0], [0.0, 0.0, -1.0]), None);
         assert!(!clip.is_empty());
-        assert!(Clip::new([[0.0; 3], [4.0; 3]], &[Cut { axis: Axis::Y, at: 0.0, above: true }]).is_empty());
+        assert!(
+            ClipBox::new([[0.0; 3], [4.0; 3]], &[CutPlane { axis: Axis::Y, at: 0.0, above: true }])
+                .is_empty()
+        );
     }
 }

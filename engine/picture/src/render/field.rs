@@ -5,7 +5,7 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 use brickfield_shaders::VALUE_WORDS;
 
 /// Numbers at the 33³ samples of a brick, above 0 inside.
-pub(super) struct Field {
+pub(super) struct RayField {
     /// In [`STEPS`] to one.
     values: Box<[i16; POINTS]>,
     /// Bit i of row k·32 + j is set where the cell (i, j, k) is worth a look.
@@ -21,7 +21,7 @@ const NEAREST: f32 = 1.0 / 256.0;
 /// Least cosine of a Hermite normal and its edge that is believed; beyond that the surface is finer than the cells.
 const COSINE_MIN: f32 = 0.05;
 
-impl Field {
+impl RayField {
     /// Signed distances, in cells, from the boundary w = 0.5 in the samples around it; `None` if all samples lie on one side.
     ///
     /// Each Hermite edge says how far its two ends are from its tangent plane, and a sample takes the mean of what its
@@ -29,8 +29,8 @@ impl Field {
     /// some, go on from those beside them along their gradients.
     ///
     /// So where the boundary is flat the field is its distance, and where it is round the error is of the second
-    /// order. Without Hermite edges, as in interior nodes, see [`Field::level`].
-    pub fn boundary(brick: &Brick, scratch: &mut Scratch) -> Option<Field> {
+    /// order. Without Hermite edges, as in interior nodes, see [`RayField::level`].
+    pub fn boundary(brick: &Brick, scratch: &mut FieldScratch) -> Option<RayField> {
         let Brick::Counts { samples, hermite } = brick else { return None };
         let signs = SignChanges::of(samples);
         let counts = signs.counts();
@@ -38,18 +38,18 @@ impl Field {
             return None;
         }
         if hermite.edges.each_ref().map(Vec::len) != counts {
-            return Field::level(brick, 0.5);
+            return RayField::level(brick, 0.5);
         }
         scratch.clear();
         scratch.take_edges(&signs, hermite);
         let active = active(|j, k| signs.row(j, k), |j, k| signs.row(j, k));
         scratch.spread(&signs, &active);
-        Some(Field { values: scratch.values(&signs), active })
+        Some(RayField { values: scratch.values(&signs), active })
     }
 
     /// Where w passes `iso`, from the samples alone: w − `iso`, cut off at half of one, smoothed over the samples around,
     /// but of its own sign; `None` if all samples lie on one side.
-    pub fn level(brick: &Brick, iso: f64) -> Option<Field> {
+    pub fn level(brick: &Brick, iso: f64) -> Option<RayField> {
         let Brick::Counts { samples, .. } = brick else { return None };
         let mut rough = vec![0f32; POINTS];
         for (rough, &w) in rough.iter_mut().zip(samples.0.iter()) {
@@ -68,12 +68,12 @@ impl Field {
             let value = if is_inside(rough[at]) { smooth[at].max(least) } else { smooth[at].min(-least) };
             (value * STEPS) as i16
         };
-        Some(Field { values: boxed(value), active })
+        Some(RayField { values: boxed(value), active })
     }
 
     /// w itself, cut off and scaled so that `range` becomes 0 to 1, for what is seen where it lies between the two numbers
     /// of `seen`; `None` if it does so nowhere.
-    pub fn between(samples: &Samples, range: [f64; 2], seen: [f64; 2]) -> Option<Field> {
+    pub fn between(samples: &Samples, range: [f64; 2], seen: [f64; 2]) -> Option<RayField> {
         let w = |at: usize| f64::from(samples.0[at]) / f64::from(1u32 << samples.1);
         let [any, full] = [rows(|at| w(at) > seen[0]), rows(|at| w(at) >= seen[1])];
         let at = |rows: &[u64], j: usize, k: usize| rows[k * BRICK_POINTS + j];
@@ -82,7 +82,7 @@ impl Field {
             return None;
         }
         let scaled = |w: f64| ((w - range[0]) / (range[1] - range[0])).clamp(0.0, 1.0);
-        Some(Field { values: boxed(|at| (scaled(w(at)) as f32 * STEPS) as i16), active })
+        Some(RayField { values: boxed(|at| (scaled(w(at)) as f32 * STEPS) as i16), active })
     }
 
     /// Bytes that a field takes.
@@ -115,12 +115,12 @@ impl Field {
 
     /// The field in a cell.
     #[inline]
-    pub fn cell(&self, [i, j, k]: [usize; 3]) -> Cell {
+    pub fn cell(&self, [i, j, k]: [usize; 3]) -> FieldCell {
         let corner = |c: usize| {
             f64::from(self.values[point_index([i + (c & 1), j + (c >> 1 & 1), k + (c >> 2)])])
                 / f64::from(STEPS)
         };
-        Cell([corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)])
+        FieldCell([corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)])
     }
 }
 
@@ -145,9 +145,9 @@ impl Blocks {
 
 /// The field in a cell: its values at the corners, by octant.
 #[derive(Clone, Copy)]
-pub(super) struct Cell([f64; 8]);
+pub(super) struct FieldCell([f64; 8]);
 
-impl Cell {
+impl FieldCell {
     /// At a place in the cell, 0..1 an axis.
     #[inline]
     pub fn value(&self, [x, y, z]: [f64; 3]) -> f64 {
@@ -235,20 +235,20 @@ fn smoothed(rough: &[f32]) -> Vec<f32> {
 }
 
 /// Room in which fields are made.
-pub(super) struct Scratch {
+pub(super) struct FieldScratch {
     /// By sample: sums of weighted distances and gradients, and of the weights; after a division the means.
     sums: Vec<[f32; 5]>,
     /// Samples that have any, in the order in which they came.
     touched: Vec<u32>,
 }
 
-impl Default for Scratch {
-    fn default() -> Scratch {
-        Scratch { sums: vec![[0.0; 5]; POINTS], touched: Vec::new() }
+impl Default for FieldScratch {
+    fn default() -> FieldScratch {
+        FieldScratch { sums: vec![[0.0; 5]; POINTS], touched: Vec::new() }
     }
 }
 
-impl Scratch {
+impl FieldScratch {
     fn clear(&mut self) {
         for at in self.touched.drain(..) {
             self.sums[at as usize] = [0.0; 5];

@@ -1,9 +1,9 @@
 //! One picture: rays through its pixels, tile by tile.
 
 use super::camera::Ray;
-use super::relief::{self, Band, Between};
-use super::style::{Style, Volume};
-use super::trace::{Place, Tracer};
+use super::relief::{self, Band, BandNeighbours};
+use super::style::{Style, VolumeStyle};
+use super::trace::{BrickPlacement, RayTracer};
 use super::{COARSE_PIXELS, Eye, Scene};
 use crate::error::Result;
 use crate::picture::{Rgba, mean};
@@ -38,7 +38,7 @@ impl<'s> Frame<'s> {
     }
 
     /// The length in a brick that has the opacity of a haze, in world units.
-    pub(super) fn stretch(&self, volume: &Volume, place: Place) -> f64 {
+    pub(super) fn stretch(&self, volume: &VolumeStyle, place: BrickPlacement) -> f64 {
         volume.stretch.unwrap_or_else(|| self.scene.bricks.tree.root().spacing(place.key.level()))
     }
 
@@ -50,7 +50,7 @@ impl<'s> Frame<'s> {
         let parts: Vec<Vec<Option<f64>>> = rays
             .par_chunks((TILE * TILE) as usize)
             .map(|rays| {
-                let mut tracer = Tracer::new(self);
+                let mut tracer = RayTracer::new(self);
                 rays.iter().map(|ray| Ok(tracer.follow(ray)?.1)).collect::<Result<_>>()
             })
             .collect::<Result<_>>()?;
@@ -84,7 +84,7 @@ impl<'s> Frame<'s> {
             around[2] = (number < bands).then(|| band(number)).transpose()?;
             let [above, this, below] = around.each_ref().map(Option::as_ref);
             let Some(this) = this else { continue };
-            let between = Between { above, band: this, below, unit: relief::unit_of(height) };
+            let between = BandNeighbours { above, band: this, below, unit: relief::unit_of(height) };
             for y in 0..this.rows() {
                 row(&between.row(y, |distance| self.eye.camera.pixel_at(distance)))?;
             }
@@ -100,7 +100,7 @@ impl<'s> Frame<'s> {
         let tiles: Vec<Vec<(Rgba, f64)>> = (0..width.div_ceil(TILE))
             .into_par_iter()
             .map_init(
-                || Tracer::new(self),
+                || RayTracer::new(self),
                 |tracer, tile| {
                     // Asked tile by tile: somebody who looks on may already want another picture.
                     progress.check()?;
@@ -119,7 +119,7 @@ impl<'s> Frame<'s> {
     /// The pixels of a tile, with the depth of the nearest opaque thing in each.
     fn tile(
         &self,
-        tracer: &mut Tracer<'_>,
+        tracer: &mut RayTracer<'_>,
         from: [u32; 2],
         [width, height]: [u32; 2],
     ) -> Result<Vec<(Rgba, f64)>> {

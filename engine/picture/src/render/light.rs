@@ -1,7 +1,7 @@
 //! What light makes of surfaces, and what of it a ray gathers.
 
 use super::camera::{Vector, dot, scaled, sum, unit};
-use super::style::{Lighting, Paint, Surface};
+use super::style::{IsoSurface, Lighting, Paint};
 use crate::picture::{Rgba, Scale};
 
 /// Light, given the picture's axes: to the right, upward, towards the eye.
@@ -44,7 +44,7 @@ impl Light {
     }
 
     /// Colour and opacity of a surface with an outward normal, `w` being the largest winding number beside it.
-    pub fn surface(&self, surface: &Surface, w: f64, normal: Vector) -> ([f64; 3], f64) {
+    pub fn surface(&self, surface: &IsoSurface, w: f64, normal: Vector) -> ([f64; 3], f64) {
         let colour = match surface.paint {
             Paint::Plain(colour) => colour.map(f64::from),
             // Not quite as in sections, so that gloss shows on the darkest and shade on the palest.
@@ -80,13 +80,13 @@ pub(super) fn colour_of([r, g, b, _]: Rgba) -> [f64; 3] {
 
 /// Light that has come along a ray so far, the nearest first.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Gathered {
+pub(super) struct RayLight {
     /// Multiplied by the opacity.
     colour: [f64; 3],
     opacity: f64,
 }
 
-impl Gathered {
+impl RayLight {
     /// Puts something behind what is there.
     pub fn add(&mut self, colour: [f64; 3], opacity: f64) {
         let share = opacity * (1.0 - self.opacity);

@@ -38,11 +38,11 @@ mod trace;
 
 pub use camera::{Focus, Ray, Screen, View};
 pub use caster::{Caster, CasterReport};
-pub use clip::Cut;
+pub use clip::CutPlane;
 pub use frame::Frame;
 pub use nodes::NODE_BYTES;
 pub use stops::{Stops, W_MAX};
-pub use style::{BRIGHTNESS_MAX, BuiltIn, Lighting, Paint, SURFACES_MAX, Style, Surface, Volume};
+pub use style::{BRIGHTNESS_MAX, BuiltIn, IsoSurface, Lighting, Paint, SURFACES_MAX, Style, VolumeStyle};
 
 use crate::error::{Error, Result};
 use crate::lattice::MAX_LEVEL;
@@ -51,7 +51,7 @@ use crate::progress::Progress;
 use crate::store::BrickTree;
 use bricks::Bricks;
 use camera::Camera;
-use clip::Clip;
+use clip::ClipBox;
 use light::Light;
 use nodes::Nodes;
 use std::path::Path;
@@ -77,7 +77,7 @@ pub struct RenderOptions {
     /// Least and greatest world coordinates of the part.
     pub bounds: [[f64; 3]; 2],
     /// What is cut away.
-    pub cuts: Vec<Cut>,
+    pub cuts: Vec<CutPlane>,
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Rays along each side of a pixel, 1 to [`SUPERSAMPLE_MAX`].
@@ -130,7 +130,7 @@ pub struct Scene<'a> {
     /// Deepest level of `nodes`.
     level: u8,
     eyes: Vec<Eye>,
-    clip: Clip,
+    clip: ClipBox,
     size: [u32; 2],
     supersample: u32,
     background: Rgba,
@@ -194,7 +194,7 @@ impl<'a> Scene<'a> {
                 format!("choose 1 to {SUPERSAMPLE_MAX} rays, and sides above 0"),
             ));
         }
-        let seen = Clip::new(options.bounds, cuts);
+        let seen = ClipBox::new(options.bounds, cuts);
         if seen.is_empty() {
             let remedy = "choose planes within the part, and the side of them that is to go";
             return Err(Error::setting("the cuts leave nothing of the part", remedy));
@@ -211,7 +211,7 @@ impl<'a> Scene<'a> {
         let lighting = options.style.lighting;
         let eye = |camera: Camera| Eye { light: Light::new(camera.axes, lighting), camera };
         let eyes = cameras.into_iter().map(eye).collect();
-        let clip = Clip::new(all, cuts);
+        let clip = ClipBox::new(all, cuts);
         Ok(Scene { bricks, nodes, level, eyes, clip, size, supersample, background, cell_pixels })
     }
 

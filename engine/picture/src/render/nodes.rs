@@ -4,11 +4,11 @@ use crate::lattice::NodeKey;
 use crate::store::BrickTree;
 
 /// Bytes that a node of a tree takes for pictures: what rays know of it, and its key, by which bricks are found.
-pub const NODE_BYTES: u64 = (size_of::<Node>() + size_of::<NodeKey>()) as u64;
+pub const NODE_BYTES: u64 = (size_of::<RayNode>() + size_of::<NodeKey>()) as u64;
 
 /// What is known of a node and of all below it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct RayNode {
     /// Number of its first child, the others following; 0 where it has none, or none that count.
     pub children: u32,
     /// Smallest and largest sample of the leaves below, or of the node's own as a leaf.
@@ -20,7 +20,7 @@ pub(super) struct Node {
 }
 
 /// All nodes down to a level, level by level.
-pub(super) struct Nodes(Vec<Node>);
+pub(super) struct Nodes(Vec<RayNode>);
 
 impl Nodes {
     /// The nodes of a complete tree, which come along the Morton curve level by level, so that the children of a level's
@@ -37,7 +37,7 @@ impl Nodes {
                 interior.push(nodes.len());
             }
             let own = (info.min, info.max);
-            nodes.push(Node { children: 0, range: own, own, fractions: info.fractions });
+            nodes.push(RayNode { children: 0, range: own, own, fractions: info.fractions });
         }
         for (rank, &parent) in interior.iter().enumerate().rev() {
             let first = 1 + 8 * rank;
@@ -46,17 +46,17 @@ impl Nodes {
             let low = children.iter().map(|child| child.range.0).min().unwrap_or(0);
             let high = children.iter().map(|child| child.range.1).max().unwrap_or(0);
             let fractions = children.iter().any(|child| child.fractions);
-            let node: &mut Node = &mut nodes[parent];
+            let node: &mut RayNode = &mut nodes[parent];
             (node.children, node.range, node.fractions) = (first as u32, (low, high), fractions);
         }
         Nodes(nodes)
     }
 
-    pub fn get(&self, number: u32) -> Node {
+    pub fn get(&self, number: u32) -> RayNode {
         self.0[number as usize]
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = &Node> {
+    pub fn iter(&self) -> impl Iterator<Item = &RayNode> {
         self.0.iter()
     }
 

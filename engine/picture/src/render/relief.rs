@@ -28,7 +28,7 @@ impl Band {
 }
 
 /// A band between the one above it and the one below, if there are any.
-pub(super) struct Between<'a> {
+pub(super) struct BandNeighbours<'a> {
     pub above: Option<&'a Band>,
     pub band: &'a Band,
     pub below: Option<&'a Band>,
@@ -41,7 +41,7 @@ pub(super) fn unit_of(height: u32) -> usize {
     ((height as usize + 180) / 360).clamp(1, UNIT_MAX)
 }
 
-impl Between<'_> {
+impl BandNeighbours<'_> {
     /// The depth at a pixel beside the band's `at`; that of nothing is infinite.
     fn depth(&self, x: isize, y: isize) -> f64 {
         let rows = self.band.rows() as isize;
@@ -112,7 +112,7 @@ mod tests {
         let groove = band(|x, _| if x == 4 { 12.0 } else { 10.0 });
         let nothing = band(|_, _| f64::INFINITY);
         let rows = |band: &Band| {
-            let between = Between { above: None, band, below: Some(&nothing), unit: 1 };
+            let between = BandNeighbours { above: None, band, below: Some(&nothing), unit: 1 };
             between.row(4, |_| 1.0)
         };
         assert!(rows(&slope)[3..5].iter().all(|p| *p == [200, 100, 50, 255]));

@@ -3,9 +3,9 @@
 use super::camera::{Screen, Vector, scaled};
 use super::frame::Frame;
 use super::light::colour_of;
-use super::nodes::{Node, Nodes};
+use super::nodes::{Nodes, RayNode};
 use super::stops::Stops;
-use super::style::{Paint, Style, Surface};
+use super::style::{IsoSurface, Paint, Style};
 use crate::lattice::{ROOT_BITS, RootCube};
 use crate::picture::Scale;
 use brickfield_shaders::{
@@ -32,7 +32,7 @@ pub(super) fn scene_words(nodes: &Nodes, style: &Style) -> SceneWords {
     }
 }
 
-fn tree_node(node: &Node, style: &Style) -> TreeNode {
+fn tree_node(node: &RayNode, style: &Style) -> TreeNode {
     let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
     let (low, high) = node.own;
     let is_uniform = low == high && !node.fractions;
@@ -40,7 +40,7 @@ fn tree_node(node: &Node, style: &Style) -> TreeNode {
     TreeNode { children: node.children, flags: flags | u32::from(low as u16) << 16 }
 }
 
-fn shell(surface: &Surface) -> Shell {
+fn shell(surface: &IsoSurface) -> Shell {
     let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
     let colour = match surface.paint {
         Paint::Plain(colour) => colour.map(f64::from),

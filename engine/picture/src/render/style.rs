@@ -1,6 +1,6 @@
 //! What is shown: transfer functions from w to what is seen.
 
-use super::nodes::Node;
+use super::nodes::RayNode;
 use super::stops::{Stops, W_MAX};
 use crate::error::{Error, Result};
 
@@ -14,9 +14,9 @@ pub const BRIGHTNESS_MAX: f64 = 4.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Style {
     /// Where w passes a number, at most [`SURFACES_MAX`].
-    pub surfaces: Vec<Surface>,
+    pub surfaces: Vec<IsoSurface>,
     /// What is seen of w itself.
-    pub volume: Option<Volume>,
+    pub volume: Option<VolumeStyle>,
     /// The light on shaded surfaces.
     pub lighting: Lighting,
 }
@@ -24,7 +24,7 @@ pub struct Style {
 /// Where w passes a number. One that is opaque encloses something: where a cut opens it, w is shown in the colours of
 /// sections.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Surface {
+pub struct IsoSurface {
     /// The number, above 0: what is outside of everything, and of the root cube, has none.
     pub w: f64,
     /// Its colour.
@@ -48,8 +48,8 @@ pub enum Paint {
 
 /// A haze. What lies at the first and the last stop of its opacity, or beyond, is not seen.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Volume {
-    /// How much of what is behind a stretch of [`Volume::stretch`] hides, 0 to 1, by w.
+pub struct VolumeStyle {
+    /// How much of what is behind a stretch of [`VolumeStyle::stretch`] hides, 0 to 1, by w.
     pub opacity: Stops<1>,
     /// Its colour by w, sRGB from 0 to 255.
     pub colour: Stops<3>,
@@ -110,7 +110,7 @@ impl Style {
 
     /// The boundary w = 0.5, opaque.
     pub fn solid() -> Style {
-        Style { surfaces: vec![Surface::opaque(0.5, Paint::Plain(BODY))], ..Style::empty() }
+        Style { surfaces: vec![IsoSurface::opaque(0.5, Paint::Plain(BODY))], ..Style::empty() }
     }
 
     /// w between 0 and 1 in the colours of the rainbow, what lies outside and where w ≥ 1 transparent, so that closed
@@ -118,15 +118,16 @@ impl Style {
     pub fn boundary() -> Style {
         let opacity = Stops::new(vec![(LEAST_SEEN, [OPACITY_A_CELL]), (1.0, [OPACITY_A_CELL])]);
         let volume = opacity.and_then(|opacity| {
-            Ok(Volume { opacity, colour: Stops::new(RAINBOW.to_vec())?, shaded: true, stretch: None })
+            Ok(VolumeStyle { opacity, colour: Stops::new(RAINBOW.to_vec())?, shaded: true, stretch: None })
         });
         Style { volume: volume.ok(), ..Style::empty() }
     }
 
     /// Where w ≥ 2, opaque in the colours of sections, within a faint boundary.
     pub fn overlap() -> Style {
-        let ghost = Surface { w: 0.5, paint: Paint::Plain(GHOST), opacity: 0.03, rim: 0.30, shaded: false };
-        Style { surfaces: vec![ghost, Surface::opaque(1.5, Paint::Counted)], ..Style::empty() }
+        let ghost =
+            IsoSurface { w: 0.5, paint: Paint::Plain(GHOST), opacity: 0.03, rim: 0.30, shaded: false };
+        Style { surfaces: vec![ghost, IsoSurface::opaque(1.5, Paint::Counted)], ..Style::empty() }
     }
 
     fn empty() -> Style {
@@ -147,8 +148,8 @@ impl Style {
             );
         }
         let share = |value: f64| (0.0..=1.0).contains(&value);
-        let sound = |s: &Surface| s.w > 0.0 && s.w <= W_MAX && share(s.opacity) && share(s.rim);
-        let hazy = |v: &Volume| {
+        let sound = |s: &IsoSurface| s.w > 0.0 && s.w <= W_MAX && share(s.opacity) && share(s.rim);
+        let hazy = |v: &VolumeStyle| {
             v.opacity.values().all(|[opacity]| share(opacity)) && v.stretch.is_none_or(|length| length > 0.0)
         };
         if !(self.surfaces.iter().all(sound) && self.volume.iter().all(hazy)) {
@@ -168,7 +169,7 @@ impl Style {
     }
 
     /// Whether anything of a node may be seen.
-    pub(super) fn sees(&self, node: &Node) -> bool {
+    pub(super) fn sees(&self, node: &RayNode) -> bool {
         let (low, high) = (f64::from(node.range.0), f64::from(node.range.1));
         self.surfaces.iter().any(|surface| {
             // Whole parts of fractions are rounded halves up, and so are numbers to hold against them.
@@ -181,9 +182,9 @@ impl Style {
     }
 
     /// Whether whatever passes through what is below a node shows in its own samples, so far as the index can tell.
-    pub(super) fn is_told_by(&self, node: &Node) -> bool {
-        let own = Node { range: node.own, ..*node };
-        let passes = |node: &Node, w: f64| f64::from(node.range.0) < w && f64::from(node.range.1) >= w;
+    pub(super) fn is_told_by(&self, node: &RayNode) -> bool {
+        let own = RayNode { range: node.own, ..*node };
+        let passes = |node: &RayNode, w: f64| f64::from(node.range.0) < w && f64::from(node.range.1) >= w;
         let tells = |w: f64| passes(&own, w) || !passes(node, w);
         self.surfaces.iter().all(|surface| tells(surface.w))
             && self.volume.iter().flat_map(|volume| volume.opacity.range()).all(tells)
@@ -196,14 +197,14 @@ impl Style {
 
     /// Whether w shows where a cut opens the part.
     pub(super) fn caps(&self) -> bool {
-        self.surfaces.iter().any(Surface::is_opaque)
+        self.surfaces.iter().any(IsoSurface::is_opaque)
     }
 }
 
-impl Surface {
+impl IsoSurface {
     /// An opaque surface with light on it.
-    pub fn opaque(w: f64, paint: Paint) -> Surface {
-        Surface { w, paint, opacity: 1.0, rim: 0.0, shaded: true }
+    pub fn opaque(w: f64, paint: Paint) -> IsoSurface {
+        IsoSurface { w, paint, opacity: 1.0, rim: 0.0, shaded: true }
     }
 
     /// Whether nothing is seen behind it.
@@ -217,7 +218,7 @@ impl Surface {
     }
 }
 
-impl Volume {
+impl VolumeStyle {
     /// Least and greatest w that its stops speak of.
     pub(super) fn range(&self) -> [f64; 2] {
         let ([a, b], [c, d]) = (self.opacity.range(), self.colour.range());
@@ -235,8 +236,8 @@ impl Volume {
 mod tests {
     use super::*;
 
-    fn node(own: (i16, i16), range: (i16, i16)) -> Node {
-        Node { children: 1, range, own, fractions: false }
+    fn node(own: (i16, i16), range: (i16, i16)) -> RayNode {
+        RayNode { children: 1, range, own, fractions: false }
     }
 
     #[test]
@@ -253,7 +254,7 @@ mod tests {
             assert_eq!(Style::NAMED.map(|(_, style)| seen(style, range)), expected, "{range:?}");
         }
         // Rounded from 0.3 to 0.6: the boundary may pass.
-        let fractions = Node { fractions: true, ..node((0, 1), (0, 1)) };
+        let fractions = RayNode { fractions: true, ..node((0, 1), (0, 1)) };
         assert!(Style::NAMED.iter().all(|(_, style)| style().sees(&fractions)));
     }
 
@@ -272,14 +273,14 @@ mod tests {
         for (name, style) in Style::NAMED {
             assert!(style().check().is_ok(), "{name}");
         }
-        let surface = Surface::opaque(0.5, Paint::Counted);
+        let surface = IsoSurface::opaque(0.5, Paint::Counted);
         for bad in [
             Style::empty(),
             Style { surfaces: vec![surface.clone(); SURFACES_MAX + 1], ..Style::empty() },
-            Style { surfaces: vec![Surface { opacity: 1.5, ..surface.clone() }], ..Style::empty() },
-            Style { surfaces: vec![Surface { w: f64::NAN, ..surface.clone() }], ..Style::empty() },
-            Style { surfaces: vec![Surface { w: 0.0, ..surface.clone() }], ..Style::empty() },
-            Style { surfaces: vec![Surface { w: -0.5, ..surface.clone() }], ..Style::empty() },
+            Style { surfaces: vec![IsoSurface { opacity: 1.5, ..surface.clone() }], ..Style::empty() },
+            Style { surfaces: vec![IsoSurface { w: f64::NAN, ..surface.clone() }], ..Style::empty() },
+            Style { surfaces: vec![IsoSurface { w: 0.0, ..surface.clone() }], ..Style::empty() },
+            Style { surfaces: vec![IsoSurface { w: -0.5, ..surface.clone() }], ..Style::empty() },
             Style { lighting: Lighting { from: [0.0; 3], ..Lighting::default() }, ..Style::solid() },
             Style { lighting: Lighting { ambient: -1.0, ..Lighting::default() }, ..Style::solid() },
         ] {

@@ -1,12 +1,12 @@
 //! One ray through the tree: from node to node, past whatever holds nothing to be seen, and from cell to cell in bricks.
 
 use super::Frame;
-use super::bricks::{Lane, Prepared};
+use super::bricks::{RayBrick, ThreadBricks};
 use super::camera::{Ray, Vector, scaled, unit};
-use super::clip::Span;
-use super::field::{BLOCK_CELLS, Cell, Field};
-use super::light::Gathered;
-use super::nodes::Node;
+use super::clip::RaySpan;
+use super::field::{BLOCK_CELLS, FieldCell, RayField};
+use super::light::RayLight;
+use super::nodes::RayNode;
 use super::style::SURFACES_MAX;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, ROOT_BITS};
@@ -20,12 +20,12 @@ const STEPS_A_STRETCH: f64 = 3.0;
 const STEPS_SLACK: f64 = 1e-3;
 
 /// A ray on its way.
-pub(super) struct Tracer<'a> {
+pub(super) struct RayTracer<'a> {
     frame: &'a Frame<'a>,
-    lane: Lane,
+    lane: ThreadBricks,
     line: Line,
-    span: Span,
-    gathered: Gathered,
+    span: RaySpan,
+    gathered: RayLight,
     /// Where the ray met the first opaque thing, along its length.
     hit: Option<f64>,
 }
@@ -57,14 +57,14 @@ impl Line {
 
 /// Where a brick's cells lie.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct BrickPlacement {
     pub key: NodeKey,
     base: Vector,
     /// Of a cell, in units.
     spacing: f64,
 }
 
-impl Place {
+impl BrickPlacement {
     /// A point in cells from the brick's first one.
     fn local(&self, point: Vector) -> Vector {
         std::array::from_fn(|a| (point[a] - self.base[a]) / self.spacing)
@@ -94,9 +94,9 @@ impl Place {
 /// A stretch of a ray within a cell.
 struct Stretch<'a> {
     line: &'a Line,
-    place: Place,
+    place: BrickPlacement,
     ijk: [usize; 3],
-    cell: Cell,
+    cell: FieldCell,
     /// Where it ends.
     to: f64,
 }
@@ -132,19 +132,26 @@ impl Stretch<'_> {
     }
 }
 
-impl<'a> Tracer<'a> {
-    pub fn new(frame: &'a Frame<'a>) -> Tracer<'a> {
+impl<'a> RayTracer<'a> {
+    pub fn new(frame: &'a Frame<'a>) -> RayTracer<'a> {
         let line = Line::new([0.0; 3], [0.0; 3]);
-        let span = Span { from: 0.0, to: 0.0, cut: None };
-        Tracer { frame, lane: Lane::default(), line, span, gathered: Gathered::default(), hit: None }
+        let span = RaySpan { from: 0.0, to: 0.0, cut: None };
+        RayTracer {
+            frame,
+            lane: ThreadBricks::default(),
+            line,
+            span,
+            gathered: RayLight::default(),
+            hit: None,
+        }
     }
 
     /// Follows a ray. What it gathers, and the distance of the first opaque thing.
     ///
     /// # Errors
     /// What reading the tree gives.
-    pub fn follow(&mut self, ray: &Ray) -> Result<(Gathered, Option<f64>)> {
-        (self.gathered, self.hit) = (Gathered::default(), None);
+    pub fn follow(&mut self, ray: &Ray) -> Result<(RayLight, Option<f64>)> {
+        (self.gathered, self.hit) = (RayLight::default(), None);
         let Some(span) = self.frame.scene.clip.span(ray) else { return Ok((self.gathered, None)) };
         let root = self.frame.scene.bricks.tree.root();
         let edge = f64::from(1u32 << ROOT_BITS);
@@ -175,7 +182,7 @@ impl<'a> Tracer<'a> {
         }
         let spacing = f64::from(1u32 << key.spacing_bits());
         if node.children == 0 || self.is_small(&node, key, from) || key.level() == MAX_LEVEL {
-            let place = Place { key, base: key.base().map(f64::from), spacing };
+            let place = BrickPlacement { key, base: key.base().map(f64::from), spacing };
             return self.brick(&node, place, [from, to]);
         }
         let middle = key.base().map(|b| f64::from(b) + spacing * (BRICK_CELLS / 2) as f64);
@@ -201,13 +208,13 @@ impl<'a> Tracer<'a> {
     }
 
     /// Whether a node's own cells are small enough at this distance to stand for what is below.
-    fn is_small(&self, node: &Node, key: NodeKey, distance: f64) -> bool {
+    fn is_small(&self, node: &RayNode, key: NodeKey, distance: f64) -> bool {
         let cell = self.frame.scene.bricks.tree.root().spacing(key.level());
         cell <= self.frame.cell_pixels * self.frame.eye.camera.pixel_at(distance)
             && self.frame.style().is_told_by(node)
     }
 
-    fn brick(&mut self, node: &Node, place: Place, t: [f64; 2]) -> Result<ControlFlow<()>> {
+    fn brick(&mut self, node: &RayNode, place: BrickPlacement, t: [f64; 2]) -> Result<ControlFlow<()>> {
         let (low, high) = node.own;
         if low == high && !node.fractions {
             // The index knows; no need to read the brick.
@@ -217,7 +224,7 @@ impl<'a> Tracer<'a> {
         if let Some(colour) = self.begins_within(&prepared, place, t)? {
             return Ok(self.meet(t[0], colour));
         }
-        let sight = Sight { frame: self.frame, prepared: &prepared, place, line: &self.line };
+        let sight = BrickRay { frame: self.frame, prepared: &prepared, place, line: &self.line };
         let gathered = &mut self.gathered;
         // Most of a brick is not worth a look, and goes by in blocks.
         let seen = walk(&self.line, place.blocks(), t, |block, t| {
@@ -225,8 +232,8 @@ impl<'a> Tracer<'a> {
             prepared.blocks.is_active(block).then(|| walk(&self.line, place.cells(), t, look))?
         });
         Ok(match seen {
-            Some(Seen::Opaque(t, colour)) => self.meet(t, colour),
-            Some(Seen::Enough) => ControlFlow::Break(()),
+            Some(RayEnd::Opaque(t, colour)) => self.meet(t, colour),
+            Some(RayEnd::Enough) => ControlFlow::Break(()),
             None => ControlFlow::Continue(()),
         })
     }
@@ -243,7 +250,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// A brick whose samples are all the same.
-    fn uniform(&mut self, w: f64, place: Place, [from, to]: [f64; 2]) -> ControlFlow<()> {
+    fn uniform(&mut self, w: f64, place: BrickPlacement, [from, to]: [f64; 2]) -> ControlFlow<()> {
         let Frame { eye, .. } = self.frame;
         let style = self.frame.style();
         if let Some(surface) = style.surfaces.iter().find(|surface| surface.is_opaque() && w >= surface.w) {
@@ -270,12 +277,12 @@ impl<'a> Tracer<'a> {
     /// knew it less exactly.
     fn begins_within(
         &self,
-        prepared: &Prepared,
-        place: Place,
+        prepared: &RayBrick,
+        place: BrickPlacement,
         [from, to]: [f64; 2],
     ) -> Result<Option<[f64; 3]>> {
         let Frame { scene, eye, .. } = self.frame;
-        let sight = Sight { frame: self.frame, prepared, place, line: &self.line };
+        let sight = BrickRay { frame: self.frame, prepared, place, line: &self.line };
         let ijk = place.cell(self.line.at(from));
         let passages = scene.bricks.style.surfaces.iter().zip(&prepared.surfaces);
         for (surface, passage) in passages.filter(|(surface, _)| surface.is_opaque()) {
@@ -296,7 +303,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// w of the sample nearest to the ray's point.
-    fn sample(&self, place: Place, t: f64) -> Result<f64> {
+    fn sample(&self, place: BrickPlacement, t: f64) -> Result<f64> {
         let brick = self.frame.scene.bricks.tree.brick(place.key)?;
         let at = place.local(self.line.at(t)).map(|c| ((c + 0.5).max(0.0) as usize).min(BRICK_CELLS));
         Ok(f64::from(brick.sample(at)))
@@ -304,7 +311,7 @@ impl<'a> Tracer<'a> {
 }
 
 /// Why a ray goes no farther.
-enum Seen {
+enum RayEnd {
     /// It has met something opaque: where, and its colour.
     Opaque(f64, [f64; 3]),
     /// What it has gathered hides all the rest.
@@ -312,21 +319,21 @@ enum Seen {
 }
 
 /// A ray in a brick.
-struct Sight<'a> {
+struct BrickRay<'a> {
     frame: &'a Frame<'a>,
-    prepared: &'a Prepared,
-    place: Place,
+    prepared: &'a RayBrick,
+    place: BrickPlacement,
     line: &'a Line,
 }
 
-impl Sight<'_> {
+impl BrickRay<'_> {
     /// The stretch of the ray in a cell up to `to`.
-    fn stretch(&self, field: &Field, ijk: [usize; 3], to: f64) -> Stretch<'_> {
+    fn stretch(&self, field: &RayField, ijk: [usize; 3], to: f64) -> Stretch<'_> {
         Stretch { line: self.line, place: self.place, ijk, cell: field.cell(ijk), to }
     }
 
     /// Gathers what is seen in a cell: the surfaces in the order in which the ray meets them, and the haze in between.
-    fn cell(&self, gathered: &mut Gathered, ijk: [usize; 3], [from, to]: [f64; 2]) -> Option<Seen> {
+    fn cell(&self, gathered: &mut RayLight, ijk: [usize; 3], [from, to]: [f64; 2]) -> Option<RayEnd> {
         let mut met = [(0.0, 0); SURFACES_MAX];
         let mut count = 0;
         for (number, passage) in self.prepared.surfaces.iter().enumerate() {
@@ -352,16 +359,16 @@ impl Sight<'_> {
             let normal = field.as_ref().map_or([0.0; 3], |field| self.stretch(field, ijk, to).normal(t));
             let (colour, opacity) = self.frame.eye.light.surface(surface, self.most(ijk), normal);
             if surface.is_opaque() {
-                return Some(Seen::Opaque(t, colour));
+                return Some(RayEnd::Opaque(t, colour));
             }
             gathered.add(colour, opacity);
         }
         self.haze(gathered, haze, ijk, [at, to]);
-        gathered.is_full().then_some(Seen::Enough)
+        gathered.is_full().then_some(RayEnd::Enough)
     }
 
     /// Gathers the haze between two places in a cell.
-    fn haze(&self, gathered: &mut Gathered, field: Option<&Field>, ijk: [usize; 3], [from, to]: [f64; 2]) {
+    fn haze(&self, gathered: &mut RayLight, field: Option<&RayField>, ijk: [usize; 3], [from, to]: [f64; 2]) {
         let (Some(field), Some(volume)) = (field, &self.frame.style().volume) else { return };
         let stretch = self.stretch(field, ijk, to);
         let [low, high] = volume.range();

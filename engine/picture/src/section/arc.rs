@@ -15,7 +15,7 @@ const PIECES_MAX: usize = 4;
 
 /// A point of the boundary, in edges of the square.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct End {
+pub(super) struct ArcEnd {
     pub at: [f64; 2],
     /// Outward normal, of length 1, in the square's two directions and across them; `None` if it is unknown.
     pub normal: Option<[f64; 3]>,
@@ -23,8 +23,8 @@ pub(super) struct End {
 
 /// The boundary from one end to the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Arc {
-    ends: [End; 2],
+pub(super) struct BoundaryArc {
+    ends: [ArcEnd; 2],
     kind: Kind,
 }
 
@@ -56,15 +56,15 @@ fn mix(a: [f64; 2], b: [f64; 2], t: f64) -> [f64; 2] {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t]
 }
 
-impl Arc {
+impl BoundaryArc {
     /// Within the square from `low` to `low` + 1.
-    pub fn new(low: [f64; 2], from: End, to: End) -> Arc {
-        Arc { ends: [from, to], kind: kind(low, from, to) }
+    pub fn new(low: [f64; 2], from: ArcEnd, to: ArcEnd) -> BoundaryArc {
+        BoundaryArc { ends: [from, to], kind: kind(low, from, to) }
     }
 
     /// The straight line.
-    pub fn straight(from: End, to: End) -> Arc {
-        Arc { ends: [from, to], kind: Kind::Straight }
+    pub fn straight(from: ArcEnd, to: ArcEnd) -> BoundaryArc {
+        BoundaryArc { ends: [from, to], kind: Kind::Straight }
     }
 
     /// Where the second coordinate is `height`, if it is between those of the ends: the first coordinate, and the normal.
@@ -143,10 +143,10 @@ impl Arc {
     pub fn width_bound(&self, height: f64) -> f64 {
         const UNKNOWN: f64 = 0.5;
         let [from, to] = self.ends;
-        let chord = Arc::straight(from, to).at_height(height).map(|(x, _)| x);
+        let chord = BoundaryArc::straight(from, to).at_height(height).map(|(x, _)| x);
         match self.kind {
             Kind::Corner(point) | Kind::Round(point) => {
-                let tangents = Arc { ends: self.ends, kind: Kind::Corner(point) }.at_height(height);
+                let tangents = BoundaryArc { ends: self.ends, kind: Kind::Corner(point) }.at_height(height);
                 chord.zip(tangents).map_or(UNKNOWN, |(chord, (tangents, _))| (chord - tangents).abs())
             }
             Kind::Clipped(_) => {
@@ -173,7 +173,7 @@ impl Arc {
     }
 }
 
-fn kind(low: [f64; 2], from: End, to: End) -> Kind {
+fn kind(low: [f64; 2], from: ArcEnd, to: ArcEnd) -> Kind {
     let (Some(a), Some(b)) = (from.normal, to.normal) else { return Kind::Straight };
     let (in_a, in_b) = ([a[0], a[1]], [b[0], b[1]]);
     let turn = cross(in_a, in_b);
@@ -242,9 +242,9 @@ fn root([from, control, to]: [f64; 3], height: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn on_circle(radius: f64, degrees: f64) -> End {
+    fn on_circle(radius: f64, degrees: f64) -> ArcEnd {
         let (sin, cos) = degrees.to_radians().sin_cos();
-        End { at: [radius * cos - (radius - 0.9), radius * sin], normal: Some([cos, sin, 0.0]) }
+        ArcEnd { at: [radius * cos - (radius - 0.9), radius * sin], normal: Some([cos, sin, 0.0]) }
     }
 
     /// Of a circle a quarter of a cell's arc away the parabola is off by a thousandth, the chord by a fiftieth.
@@ -252,11 +252,12 @@ mod tests {
     fn round_boundaries_are_followed() {
         for radius in [4.0, 10.0, 40.0] {
             let to = 53.0 / radius;
-            let arc = Arc::new([0.0; 2], on_circle(radius, 0.0), on_circle(radius, to));
+            let arc = BoundaryArc::new([0.0; 2], on_circle(radius, 0.0), on_circle(radius, to));
             for degrees in [0.2, 0.5, 0.7].map(|part| part * to) {
                 let expected = on_circle(radius, degrees);
                 let (x, normal) = arc.at_height(expected.at[1]).unwrap();
-                let chord = Arc::straight(arc.ends[0], arc.ends[1]).at_height(expected.at[1]).unwrap().0;
+                let chord =
+                    BoundaryArc::straight(arc.ends[0], arc.ends[1]).at_height(expected.at[1]).unwrap().0;
                 let error = (x - expected.at[0]).abs();
                 assert!(
                     error < 0.002 / radius && error * 10.0 < (chord - expected.at[0]).abs(),
@@ -274,18 +275,18 @@ mod tests {
     /// Two sides of a box meet in its corner, and bounds hold the corner that the chord cuts off.
     #[test]
     fn sharp_boundaries_have_their_corner() {
-        let from = End { at: [0.7, 0.0], normal: Some([1.0, 0.0, 0.0]) };
-        let to = End { at: [0.0, 0.4], normal: Some([0.0, 1.0, 0.0]) };
-        let arc = Arc::new([0.0; 2], from, to);
+        let from = ArcEnd { at: [0.7, 0.0], normal: Some([1.0, 0.0, 0.0]) };
+        let to = ArcEnd { at: [0.0, 0.4], normal: Some([0.0, 1.0, 0.0]) };
+        let arc = BoundaryArc::new([0.0; 2], from, to);
         assert_eq!(arc.corners().collect::<Vec<_>>(), [[0.7, 0.4]]);
         assert_eq!(arc.at_height(0.3), Some((0.7, from.normal)));
         assert!((arc.area_bound() - 0.14).abs() < 1e-12);
         // An edge that is sharper than a right angle and lies beyond: along the tangents to the square's side.
         let (base, slope) = (
-            End { at: [0.0, 0.3], normal: Some([0.0, -1.0, 0.0]) },
-            End { at: [0.6, 1.0], normal: Some([0.8, 0.6, 0.0]) },
+            ArcEnd { at: [0.0, 0.3], normal: Some([0.0, -1.0, 0.0]) },
+            ArcEnd { at: [0.6, 1.0], normal: Some([0.8, 0.6, 0.0]) },
         );
-        let arc = Arc::new([0.0; 2], base, slope);
+        let arc = BoundaryArc::new([0.0; 2], base, slope);
         let corners: Vec<[f64; 2]> = arc.corners().collect();
         assert!(
             matches!(arc.kind, Kind::Clipped(_)) && corners.iter().all(|[x, _]| (x - 0.999).abs() < 1e-9)
@@ -294,16 +295,17 @@ mod tests {
         assert!((x - 0.675).abs() < 1e-9 && normal == slope.normal, "{x}");
         assert!((arc.at_height(0.4).unwrap().0 - 0.999).abs() < 1e-9);
         // Without normals, or with such as meet elsewhere, it is straight, and the bound is large.
-        let unknown = Arc::new([0.0; 2], End { normal: None, ..from }, to);
-        let beyond = Arc::new([0.0; 2], End { normal: Some([-0.6, -0.8, 0.0]), ..from }, to);
+        let unknown = BoundaryArc::new([0.0; 2], ArcEnd { normal: None, ..from }, to);
+        let beyond = BoundaryArc::new([0.0; 2], ArcEnd { normal: Some([-0.6, -0.8, 0.0]), ..from }, to);
         for arc in [unknown, beyond] {
             assert_eq!((arc.kind, arc.corners().count()), (Kind::Straight, 0));
             assert!(arc.area_bound() > 0.05);
         }
         // A plane is straight, and sure.
         let slope = Some([0.8, 0.6, 0.0]);
-        let (from, to) = (End { at: [0.75, 0.0], normal: slope }, End { at: [0.0, 1.0], normal: slope });
-        let arc = Arc::new([0.0; 2], from, to);
+        let (from, to) =
+            (ArcEnd { at: [0.75, 0.0], normal: slope }, ArcEnd { at: [0.0, 1.0], normal: slope });
+        let arc = BoundaryArc::new([0.0; 2], from, to);
         assert!(arc.kind == Kind::Straight && arc.area_bound() < 1e-12 && arc.width_bound(0.5) < 1e-12);
     }
 }

@@ -10,7 +10,7 @@ use std::cell::OnceCell;
 use std::sync::Arc;
 
 /// A brick and where its samples lie.
-pub(super) struct Held {
+pub(super) struct PlacedBrick {
     pub key: NodeKey,
     pub brick: Arc<Brick>,
     /// First sample, in units from the root's first one.
@@ -21,7 +21,7 @@ pub(super) struct Held {
     layer: OnceCell<Option<Layer>>,
 }
 
-impl Held {
+impl PlacedBrick {
     fn holds(&self, at: [f64; 3]) -> bool {
         let edge = self.spacing * BRICK_CELLS as f64;
         (0..3).all(|a| at[a] >= self.base[a] && at[a] < self.base[a] + edge)
@@ -41,17 +41,17 @@ impl Held {
 }
 
 /// Finds bricks by place and keeps those found until told otherwise.
-pub(super) struct AtHand<'a> {
+pub(super) struct BrickFinder<'a> {
     tree: &'a dyn BrickTree,
     level: u8,
-    held: Vec<Held>,
+    held: Vec<PlacedBrick>,
     last: usize,
 }
 
-impl<'a> AtHand<'a> {
+impl<'a> BrickFinder<'a> {
     /// Of the tree cut off at `level`, whose interior nodes stand for what is below them.
-    pub fn new(tree: &'a dyn BrickTree, level: u8) -> AtHand<'a> {
-        AtHand { tree, level, held: Vec::new(), last: 0 }
+    pub fn new(tree: &'a dyn BrickTree, level: u8) -> BrickFinder<'a> {
+        BrickFinder { tree, level, held: Vec::new(), last: 0 }
     }
 
     /// Lets go of all bricks.
@@ -66,7 +66,7 @@ impl<'a> AtHand<'a> {
     }
 
     /// The brick whose cells hold a position, in units from the root's first sample; `None` outside the root.
-    pub fn at(&mut self, at: [f64; 3]) -> Result<Option<&Held>> {
+    pub fn at(&mut self, at: [f64; 3]) -> Result<Option<&PlacedBrick>> {
         if !self.held.get(self.last).is_some_and(|held| held.holds(at)) {
             self.last = match self.held.iter().position(|held| held.holds(at)) {
                 Some(found) => found,
@@ -85,7 +85,7 @@ impl<'a> AtHand<'a> {
             None => self.tree.brick(key)?,
         };
         let (base, spacing) = (key.base().map(f64::from), f64::from(1u32 << key.spacing_bits()));
-        self.held.push(Held { key, brick, base, spacing, layer: OnceCell::new() });
+        self.held.push(PlacedBrick { key, brick, base, spacing, layer: OnceCell::new() });
         Ok(self.held.len() - 1)
     }
 }
@@ -113,7 +113,7 @@ pub(super) fn trilinear(brick: &Brick, at: [f64; 3], value: impl Fn(f64) -> f64)
 }
 
 /// The whole number of the nearest sample around a position in the plane that is on the same side of the boundary.
-pub(super) fn nearest(held: &Held, plane: Plane, height: f64, at: [f64; 3]) -> i16 {
+pub(super) fn nearest(held: &PlacedBrick, plane: Plane, height: f64, at: [f64; 3]) -> i16 {
     let Some(layer) = held.layer(plane, height) else { return held.brick.sample([0; 3]) };
     let uv = plane.within(at);
     let low = uv.map(|c| (c as usize).min(BRICK_CELLS - 1));

@@ -2,14 +2,14 @@
 //!
 //! Used where a picture, or a finer lattice, looks between the corners of a square.
 
-use super::arc::{Arc, End};
-use super::face::{Layer, Passage};
+use super::arc::{ArcEnd, BoundaryArc};
+use super::face::{Layer, PlaneCrossing};
 
 /// Of two opposite corners inside each has a part of its own.
 const PARTS_MAX: usize = 2;
 
 /// A square with the boundary in it, in its own edges from its lower left corner.
-pub(super) struct Cell {
+pub(super) struct SectionCell {
     /// Corners counter-clockwise from the lower left one.
     inside: [bool; 4],
     /// Polygons of what lies inside, and how many of their corners are the boundary's, first of all.
@@ -36,23 +36,27 @@ pub(super) fn stretches(inside: [bool; 4]) -> impl Iterator<Item = (usize, usize
     })
 }
 
-impl Cell {
+impl SectionCell {
     /// The square from sample `uv` of a layer.
-    pub fn new(layer: &Layer, uv: [usize; 2]) -> Cell {
+    pub fn new(layer: &Layer, uv: [usize; 2]) -> SectionCell {
         let at = |corner: [usize; 2]| [uv[0] + corner[0], uv[1] + corner[1]];
         let inside = CORNERS.map(|corner| layer.is_inside(at(corner)));
-        let mut cell = Cell { inside, parts: Vec::new(), bound: 0.0 };
+        let mut cell = SectionCell { inside, parts: Vec::new(), bound: 0.0 };
         let pairs: Vec<(usize, usize)> = stretches(inside).take(PARTS_MAX).collect();
         for &(leaving, entering) in &pairs {
             let [from, to] = [leaving, entering].map(|edge| {
                 let (corner, side) = EDGES[edge];
-                let Passage { at: along, normal, bound } = layer.passage(at(corner), side);
+                let PlaneCrossing { at: along, normal, bound } = layer.passage(at(corner), side);
                 cell.bound = cell.bound.max(bound);
                 let mut place = corner.map(|c| c as f64);
                 place[side] += along;
-                End { at: place, normal }
+                ArcEnd { at: place, normal }
             });
-            let arc = if pairs.len() == 1 { Arc::new([0.0; 2], from, to) } else { Arc::straight(from, to) };
+            let arc = if pairs.len() == 1 {
+                BoundaryArc::new([0.0; 2], from, to)
+            } else {
+                BoundaryArc::straight(from, to)
+            };
             let mut polygon = vec![from.at];
             polygon.extend(arc.corners());
             polygon.push(to.at);
@@ -76,7 +80,7 @@ impl Cell {
 
     /// Where the boundary passes a line in the square from a point to the right (0) or upward (1), at most `length` away:
     /// how far along it, with the boundary's normal; by how much it may be off, too. The line's ends lie on two sides.
-    pub fn passage(&self, from: [f64; 2], side: usize, length: f64) -> Passage {
+    pub fn passage(&self, from: [f64; 2], side: usize, length: f64) -> PlaneCrossing {
         for (polygon, of_boundary) in &self.parts {
             for pair in polygon[..*of_boundary].windows(2) {
                 let [[a, da], [b, db]] =
@@ -90,11 +94,11 @@ impl Cell {
                     let run = [pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]];
                     let size = (run[0] * run[0] + run[1] * run[1]).sqrt();
                     let normal = Some([run[1] / size, -run[0] / size, 0.0]);
-                    return Passage { at: along.clamp(0.0, 1.0), normal, bound: self.bound / length };
+                    return PlaneCrossing { at: along.clamp(0.0, 1.0), normal, bound: self.bound / length };
                 }
             }
         }
-        Passage { bound: 0.5f64.max(self.bound / length), ..Passage::UNKNOWN }
+        PlaneCrossing { bound: 0.5f64.max(self.bound / length), ..PlaneCrossing::UNKNOWN }
     }
 }
 
@@ -130,8 +134,8 @@ impl Layer {
     }
 
     /// The square from sample `uv`, if the boundary passes it.
-    pub fn cell(&self, uv: [usize; 2]) -> Option<Cell> {
+    pub fn cell(&self, uv: [usize; 2]) -> Option<SectionCell> {
         let inside = CORNERS.map(|[u, v]| self.is_inside([uv[0] + u, uv[1] + v]));
-        (inside != [inside[0]; 4]).then(|| Cell::new(self, uv))
+        (inside != [inside[0]; 4]).then(|| SectionCell::new(self, uv))
     }
 }

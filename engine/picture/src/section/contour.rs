@@ -7,10 +7,10 @@
 //! stretch bends as the normals at its ends say. A brick of a coarser level is asked for the boundary in its own,
 //! larger squares.
 
-use super::at_hand::{AtHand, Held};
+use super::at_hand::{BrickFinder, PlacedBrick};
 use super::cell::stretches;
-use super::face::{Layer, Passage};
-use super::join::{Contour, EdgeId, Part, Place, Stretch, edge};
+use super::face::{Layer, PlaneCrossing};
+use super::join::{Contour, ContourSegment, EdgeId, EdgePoint, TileContour, edge};
 use super::plane::Plane;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_BITS, BRICK_CELLS, BRICK_POINTS, NodeKey, ROOT_BITS, spacing_bits};
@@ -55,10 +55,10 @@ pub fn contour(
     let tiles: Vec<[u32; 2]> = squares.tiles().into_iter().map(|[v, u]| [u, v]).collect();
     progress.phase("contouring", Some(tiles.len() as u64), "tiles");
     let points_max = limits.memory_bytes / POINT_BYTES;
-    let mut whole = Part::default();
+    let mut whole = TileContour::default();
     for chunk in tiles.chunks(TILES_AT_ONCE * rayon::current_num_threads().max(1) * 4) {
         progress.check()?;
-        let parts: Vec<Part> =
+        let parts: Vec<TileContour> =
             chunk.par_chunks(TILES_AT_ONCE).map(|tiles| squares.several(tiles)).collect::<Result<_>>()?;
         for part in parts {
             whole.points.extend(part.points);
@@ -120,9 +120,9 @@ impl Squares<'_> {
         (from..from + edge).contains(&self.height)
     }
 
-    fn several(&self, tiles: &[[u32; 2]]) -> Result<Part> {
-        let mut part = Part::default();
-        let mut at_hand = AtHand::new(self.tree, self.level);
+    fn several(&self, tiles: &[[u32; 2]]) -> Result<TileContour> {
+        let mut part = TileContour::default();
+        let mut at_hand = BrickFinder::new(self.tree, self.level);
         for &tile in tiles {
             // The next tile's bricks are in part this one's.
             if at_hand.count() > 8 {
@@ -139,7 +139,7 @@ impl Squares<'_> {
         self.plane.point(corner.map(|c| f64::from(c) * cell), self.height)
     }
 
-    fn tile(&self, tile: [u32; 2], at_hand: &mut AtHand<'_>, part: &mut Part) -> Result<()> {
+    fn tile(&self, tile: [u32; 2], at_hand: &mut BrickFinder<'_>, part: &mut TileContour) -> Result<()> {
         const LAST: usize = BRICK_CELLS;
         let first = tile.map(|t| t << BRICK_BITS);
         let mut corners = Corners { inside: [0; BRICK_POINTS] };
@@ -171,7 +171,7 @@ impl Squares<'_> {
 /// A brick that owns corners.
 struct Owner<'a> {
     squares: &'a Squares<'a>,
-    held: &'a Held,
+    held: &'a PlacedBrick,
     /// The boundary in the brick's own squares, if it is not uniform.
     layer: Option<&'a Layer>,
     /// Cells of the squares along one of these.
@@ -179,7 +179,7 @@ struct Owner<'a> {
 }
 
 impl<'a> Owner<'a> {
-    fn of(squares: &'a Squares<'a>, held: &'a Held) -> Owner<'a> {
+    fn of(squares: &'a Squares<'a>, held: &'a PlacedBrick) -> Owner<'a> {
         let layer = held.layer(squares.plane, squares.height);
         Owner { squares, held, layer, ratio: 1 << (squares.level - held.key.level()) }
     }
@@ -203,8 +203,8 @@ impl<'a> Owner<'a> {
     }
 
     /// Where along an edge from a corner the boundary passes; the bound is in cells of the squares.
-    fn passage(&self, corner: [u32; 2], side: usize) -> Passage {
-        let Some(layer) = self.layer else { return Passage::UNKNOWN };
+    fn passage(&self, corner: [u32; 2], side: usize) -> PlaneCrossing {
+        let Some(layer) = self.layer else { return PlaneCrossing::UNKNOWN };
         let ratio = f64::from(self.ratio);
         let local = self.local(corner);
         let low = local.map(|c| c as usize);
@@ -214,15 +214,15 @@ impl<'a> Owner<'a> {
         }
         if part[1 - side] > 0.0 {
             let cell = layer.cell(low);
-            return cell.map_or(Passage::UNKNOWN, |cell| cell.passage(part, side, 1.0 / ratio));
+            return cell.map_or(PlaneCrossing::UNKNOWN, |cell| cell.passage(part, side, 1.0 / ratio));
         }
         // Along one of the brick's own edges.
-        let Passage { at, normal, bound } = layer.passage(low, side);
+        let PlaneCrossing { at, normal, bound } = layer.passage(low, side);
         let at = (at - part[side]) * ratio;
         if !(0.0..=1.0).contains(&at) {
-            return Passage::UNKNOWN;
+            return PlaneCrossing::UNKNOWN;
         }
-        Passage { at, normal, bound: bound * ratio }
+        PlaneCrossing { at, normal, bound: bound * ratio }
     }
 }
 
@@ -232,23 +232,23 @@ impl Corners {
     }
 
     /// Passages on the edges whose lower end the tile owns.
-    fn passages(&self, first: [u32; 2], owner: &Owner<'_>, points: &mut Vec<(EdgeId, Place)>) {
+    fn passages(&self, first: [u32; 2], owner: &Owner<'_>, points: &mut Vec<(EdgeId, EdgePoint)>) {
         for v in 0..BRICK_CELLS {
             let row = self.inside[v];
             for (side, changes) in [row ^ row >> 1, row ^ self.inside[v + 1]].into_iter().enumerate() {
                 for u in (0..BRICK_CELLS).filter(|u| changes >> u & 1 == 1) {
                     let corner = [first[0] + u as u32, first[1] + v as u32];
                     let mut at = corner.map(f64::from);
-                    let Passage { at: along, normal, bound } = owner.passage(corner, side);
+                    let PlaneCrossing { at: along, normal, bound } = owner.passage(corner, side);
                     at[side] += along;
-                    points.push((edge(corner, side), Place { at, normal, bound }));
+                    points.push((edge(corner, side), EdgePoint { at, normal, bound }));
                 }
             }
         }
     }
 
     /// Stretches through the tile's squares, the inside to their left.
-    fn stretches(&self, first: [u32; 2], found: &mut Vec<Stretch>) {
+    fn stretches(&self, first: [u32; 2], found: &mut Vec<ContourSegment>) {
         for v in 0..BRICK_CELLS {
             for u in 0..BRICK_CELLS {
                 let around =
@@ -260,7 +260,7 @@ impl Corners {
                 // From each corner to the next one, counter-clockwise.
                 let edges = [edge(at(0, 0), 0), edge(at(1, 0), 1), edge(at(0, 1), 0), edge(at(0, 0), 1)];
                 let is_alone = around[0] == around[1] || around[1] == around[2];
-                let stretch = |(leaving, entering): (usize, usize)| Stretch {
+                let stretch = |(leaving, entering): (usize, usize)| ContourSegment {
                     from: edges[leaving],
                     to: edges[entering],
                     square: at(0, 0),

@@ -4,9 +4,9 @@
 //! of the boundary that the Hermite edges describe.
 //!
 //! An edge in the plane is one side of a line through a face of four lattice edges: the boundary passes the face from
-//! crossing to crossing as their normals say ([`Arc`]).
+//! crossing to crossing as their normals say ([`BoundaryArc`]).
 
-use super::arc::{Arc, End};
+use super::arc::{ArcEnd, BoundaryArc};
 use super::plane::Plane;
 use crate::brick::{Brick, Hermite, Ranks, Samples, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS};
@@ -34,7 +34,7 @@ struct Crossing {
 
 /// Where the boundary passes an edge in the plane.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Passage {
+pub(super) struct PlaneCrossing {
     /// From the edge's lower end, 0..1.
     pub at: f64,
     /// Normal of the boundary there, of length 1, by the plane's two sides and its axis.
@@ -43,9 +43,9 @@ pub(super) struct Passage {
     pub bound: f64,
 }
 
-impl Passage {
+impl PlaneCrossing {
     /// Somewhere on the edge.
-    pub const UNKNOWN: Passage = Passage { at: 0.5, normal: None, bound: 0.5 };
+    pub const UNKNOWN: PlaneCrossing = PlaneCrossing { at: 0.5, normal: None, bound: 0.5 };
 }
 
 impl Layer {
@@ -92,28 +92,29 @@ impl Layer {
 
     /// Where along the edge from `uv` in the direction of a side the boundary passes the plane. The ends are known to
     /// differ.
-    pub fn passage(&self, uv: [usize; 2], side: usize) -> Passage {
+    pub fn passage(&self, uv: [usize; 2], side: usize) -> PlaneCrossing {
         let mut end = uv;
         end[side] += 1;
         let along = self.plane.sides()[side];
         let [a, b] = [uv, end].map(|uv| self.plane.point(uv, self.layer));
         let lower = self.crossing(along, a);
         if self.part == 0.0 {
-            let found = |Crossing { at, normal }| Passage { at, normal: self.turned(normal), bound: 0.0 };
-            return lower.map_or(Passage::UNKNOWN, found);
+            let found =
+                |Crossing { at, normal }| PlaneCrossing { at, normal: self.turned(normal), bound: 0.0 };
+            return lower.map_or(PlaneCrossing::UNKNOWN, found);
         }
         match self.through_face(a, b, along) {
             Some(ends) => self.on_arc(ends, side),
-            None => Passage::UNKNOWN,
+            None => PlaneCrossing::UNKNOWN,
         }
     }
 
     /// The crossings between which the boundary passes the face above an edge at the plane's height, each as its place along
     /// the edge and height.
-    fn through_face(&self, a: [usize; 3], b: [usize; 3], along: Axis) -> Option<[End; 2]> {
+    fn through_face(&self, a: [usize; 3], b: [usize; 3], along: Axis) -> Option<[ArcEnd; 2]> {
         let mut above = a;
         above[self.plane.axis.index()] += 1;
-        let end = |at: [f64; 2], crossing: Crossing| End { at, normal: crossing.normal };
+        let end = |at: [f64; 2], crossing: Crossing| ArcEnd { at, normal: crossing.normal };
         let lower = self.crossing(along, a).map(|crossing| end([crossing.at, 0.0], crossing));
         let upper = self.crossing(along, above).map(|crossing| end([crossing.at, 1.0], crossing));
         let first = self.crossing(self.plane.axis, a).map(|crossing| end([0.0, crossing.at], crossing));
@@ -138,19 +139,19 @@ impl Layer {
     }
 
     /// Where the boundary between two crossings of a face is at the plane's height.
-    fn on_arc(&self, ends: [End; 2], side: usize) -> Passage {
+    fn on_arc(&self, ends: [ArcEnd; 2], side: usize) -> PlaneCrossing {
         let (along, across) = (self.plane.sides()[side], self.plane.sides()[1 - side]);
         let axes = [along, self.plane.axis, across].map(Axis::index);
         let [from, to] =
-            ends.map(|End { at, normal }| End { at, normal: normal.map(|n| axes.map(|a| n[a])) });
-        let arc = Arc::new([0.0; 2], from, to);
-        let Some((at, normal)) = arc.at_height(self.part) else { return Passage::UNKNOWN };
+            ends.map(|ArcEnd { at, normal }| ArcEnd { at, normal: normal.map(|n| axes.map(|a| n[a])) });
+        let arc = BoundaryArc::new([0.0; 2], from, to);
+        let Some((at, normal)) = arc.at_height(self.part) else { return PlaneCrossing::UNKNOWN };
         let mut in_plane = [0.0; 3];
         let normal = normal.map(|[n_along, n_axis, n_across]| {
             (in_plane[side], in_plane[1 - side], in_plane[2]) = (n_along, n_across, n_axis);
             in_plane
         });
-        Passage { at: at.clamp(0.0, 1.0), normal, bound: arc.width_bound(self.part) }
+        PlaneCrossing { at: at.clamp(0.0, 1.0), normal, bound: arc.width_bound(self.part) }
     }
 
     /// A normal by the plane's sides and its axis.

@@ -1,6 +1,6 @@
 //! Stretches of the boundary, square by square, joined to closed polylines.
 
-use super::arc::{Arc, End};
+use super::arc::{ArcEnd, BoundaryArc};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
@@ -29,7 +29,7 @@ pub(super) fn edge([u, v]: [u32; 2], side: usize) -> EdgeId {
 
 /// Where the boundary passes an edge, in cells from the root's first sample.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct EdgePoint {
     pub at: [f64; 2],
     /// By the plane's sides and its axis.
     pub normal: Option<[f64; 3]>,
@@ -39,7 +39,7 @@ pub(super) struct Place {
 
 /// The boundary through a square, from passage to passage.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch {
+pub(super) struct ContourSegment {
     pub from: EdgeId,
     pub to: EdgeId,
     /// The square's lower left corner.
@@ -50,15 +50,15 @@ pub(super) struct Stretch {
 
 /// What a tile adds.
 #[derive(Default)]
-pub(super) struct Part {
-    pub points: Vec<(EdgeId, Place)>,
-    pub stretches: Vec<Stretch>,
+pub(super) struct TileContour {
+    pub points: Vec<(EdgeId, EdgePoint)>,
+    pub stretches: Vec<ContourSegment>,
 }
 
 impl Contour {
     /// Joins stretches to loops, each beginning at its first edge. `world` places a point given in cells.
-    pub(super) fn of(part: Part, cell: f64, world: impl Fn([f64; 2]) -> [f64; 2]) -> Result<Contour> {
-        let Part { mut points, mut stretches } = part;
+    pub(super) fn of(part: TileContour, cell: f64, world: impl Fn([f64; 2]) -> [f64; 2]) -> Result<Contour> {
+        let TileContour { mut points, mut stretches } = part;
         points.par_sort_unstable_by_key(|(edge, _)| *edge);
         stretches.par_sort_unstable_by_key(|stretch| stretch.from);
         let fit = points.len() == stretches.len()
@@ -114,10 +114,10 @@ impl Contour {
 }
 
 /// How a stretch bends. Two in one square are straight, so that they do not cross.
-fn arc(stretch: &Stretch, from: &Place, to: &Place) -> Arc {
-    let [from, to] = [from, to].map(|place| End { at: place.at, normal: place.normal });
+fn arc(stretch: &ContourSegment, from: &EdgePoint, to: &EdgePoint) -> BoundaryArc {
+    let [from, to] = [from, to].map(|place| ArcEnd { at: place.at, normal: place.normal });
     match stretch.is_alone {
-        true => Arc::new(stretch.square.map(f64::from), from, to),
-        false => Arc::straight(from, to),
+        true => BoundaryArc::new(stretch.square.map(f64::from), from, to),
+        false => BoundaryArc::straight(from, to),
     }
 }

@@ -17,14 +17,14 @@ pub struct SectionLabel {
 }
 
 /// The pixels of a word, with the upper left one of the picture that they cover first.
-pub(super) struct Mark {
+pub(super) struct LabelPixels {
     at: [usize; 2],
     canvas: Canvas,
 }
 
-impl Mark {
-    fn overlaps(&self, other: &Mark) -> bool {
-        let size = |mark: &Mark| [mark.canvas.width(), mark.canvas.rows().count()];
+impl LabelPixels {
+    fn overlaps(&self, other: &LabelPixels) -> bool {
+        let size = |mark: &LabelPixels| [mark.canvas.width(), mark.canvas.rows().count()];
         let (own, theirs) = (size(self), size(other));
         (0..2).all(|a| self.at[a] < other.at[a] + theirs[a] && other.at[a] < self.at[a] + own[a])
     }
@@ -44,8 +44,8 @@ pub(super) fn marks(
     labels: &[SectionLabel],
     size: [usize; 2],
     place: impl Fn([f64; 2]) -> [f64; 2],
-) -> Vec<Mark> {
-    let mut marks: Vec<Mark> = Vec::new();
+) -> Vec<LabelPixels> {
+    let mut marks: Vec<LabelPixels> = Vec::new();
     for label in labels {
         let word = [text_width(&label.text, DOT) + 2 * MARGIN, GLYPH_HEIGHT * DOT + 2 * MARGIN];
         let middle = place(label.at);
@@ -56,7 +56,7 @@ pub(super) fn marks(
         let at = [0, 1].map(|a| (middle[a] as usize).saturating_sub(word[a] / 2).min(size[a] - word[a]));
         let mut canvas = Canvas::new(word[0], word[1], WHITE);
         canvas.text([MARGIN; 2], &label.text, DOT, BLACK);
-        let mark = Mark { at, canvas };
+        let mark = LabelPixels { at, canvas };
         if !marks.iter().any(|other| mark.overlaps(other)) {
             marks.push(mark);
         }

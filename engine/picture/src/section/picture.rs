@@ -1,7 +1,7 @@
 //! w in a plane as a picture.
 
-use super::at_hand::{AtHand, nearest, trilinear};
-use super::labels::{Mark, SectionLabel, marks};
+use super::at_hand::{BrickFinder, nearest, trilinear};
+use super::labels::{LabelPixels, SectionLabel, marks};
 use super::legend::Legend;
 use super::plane::Plane;
 use crate::error::{Error, Result};
@@ -159,7 +159,7 @@ impl Grid {
         &self,
         tree: &dyn BrickTree,
         width: usize,
-        (rows, marks): (&mut PngRows<'_>, &[Mark]),
+        (rows, marks): (&mut PngRows<'_>, &[LabelPixels]),
         progress: &dyn Progress,
     ) -> Result<()> {
         let bands = self.size[1].div_ceil(TILE);
@@ -169,7 +169,7 @@ impl Grid {
             let tiles: Vec<Vec<Rgba>> = (0..self.size[0].div_ceil(TILE))
                 .into_par_iter()
                 .map_init(
-                    || AtHand::new(tree, self.level),
+                    || BrickFinder::new(tree, self.level),
                     |at_hand, tile| {
                         at_hand.clear();
                         self.tile(at_hand, [tile * TILE, band * TILE])
@@ -190,7 +190,7 @@ impl Grid {
     }
 
     /// The pixels of a tile whose upper left one is `from`, counted from the picture's upper left one.
-    fn tile(&self, at_hand: &mut AtHand<'_>, from: [usize; 2]) -> Result<Vec<Rgba>> {
+    fn tile(&self, at_hand: &mut BrickFinder<'_>, from: [usize; 2]) -> Result<Vec<Rgba>> {
         let mut pixels = Vec::with_capacity(TILE * TILE);
         let mut parts = Vec::with_capacity(self.samples * self.samples);
         for y in 0..TILE {
@@ -212,7 +212,7 @@ impl Grid {
         Ok(pixels)
     }
 
-    fn value(&self, at_hand: &mut AtHand<'_>, at: [f64; 3]) -> Result<f64> {
+    fn value(&self, at_hand: &mut BrickFinder<'_>, at: [f64; 3]) -> Result<f64> {
         Ok(match at_hand.at(at)? {
             None => 0.0,
             Some(held) if self.whole => f64::from(nearest(held, self.plane, self.at, held.local(at))),

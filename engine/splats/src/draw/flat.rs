@@ -1,7 +1,7 @@
 //! Splats as a picture needs them: small numbers around its middle, and the pixels that they may touch.
 
 use crate::lattice::{cross, dot};
-use crate::render::{Cut, Screen};
+use crate::render::{CutPlane, Screen};
 use crate::splats::Disc;
 
 /// A splat reaches so far beyond the middle of its cell along each axis, in cells: gaps between planes that bend close.
@@ -50,7 +50,7 @@ fn unit(a: [f64; 3]) -> [f64; 3] {
 }
 
 impl FlatFrame {
-    pub fn new(screen: &Screen, size: [u32; 2], corners: [[f64; 3]; 2], cuts: &[Cut]) -> FlatFrame {
+    pub fn new(screen: &Screen, size: [u32; 2], corners: [[f64; 3]; 2], cuts: &[CutPlane]) -> FlatFrame {
         let middle: [f64; 3] = std::array::from_fn(|a| (corners[0][a] + corners[1][a]) / 2.0);
         let right = unit(screen.steps[0]);
         let down = unit(screen.steps[1]);

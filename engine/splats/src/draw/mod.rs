@@ -11,7 +11,7 @@ mod raster;
 use crate::error::{Error, Result};
 use crate::picture::{Rgba, SIDE_MAX, mean, write_png};
 use crate::progress::Progress;
-use crate::render::{Cut, Focus, SUPERSAMPLE_MAX, View};
+use crate::render::{CutPlane, Focus, SUPERSAMPLE_MAX, View};
 use crate::splats::Disc;
 use flat::{Flat, FlatFrame};
 use std::path::Path;
@@ -29,7 +29,7 @@ pub struct DrawOptions {
     /// Least and greatest world coordinates of the part.
     pub bounds: [[f64; 3]; 2],
     /// What is cut away; what is behind is seen from within.
-    pub cuts: Vec<Cut>,
+    pub cuts: Vec<CutPlane>,
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Rays along each side of a pixel, 1 to [`SUPERSAMPLE_MAX`].

@@ -67,7 +67,7 @@ fn pictures_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn cuts_show_the_inside_and_splats_cut_each_other() {
-    let cut = Cut { axis: crate::lattice::Axis::Z, at: 0.0, above: true };
+    let cut = CutPlane { axis: crate::lattice::Axis::Z, at: 0.0, above: true };
     let mut options = options(0.0);
     options.view = View::named("top").unwrap();
     options.cuts.push(cut);

@@ -6,7 +6,7 @@
 
 use super::crossings::{Crossings, Hit};
 use super::edges::EdgeMasks;
-use super::hermite::Normals;
+use super::hermite::FacetNormals;
 use super::passages::{CrossingSide, EdgeHits, HermiteOutcome};
 use super::scan::{EdgeCrossing, SampleCube, ScanFacet};
 use crate::brick::{Brick, Hermite, HermiteEdge, POINTS, Samples, SignChanges, ThinLines, point_index};
@@ -40,7 +40,7 @@ pub struct Evaluator {
     passages: EdgeHits,
     /// Per axis, whether the last brick needed the list of its passages.
     listing: [bool; 3],
-    normals: Normals,
+    normals: FacetNormals,
 }
 
 impl Default for Evaluator {
@@ -54,7 +54,7 @@ impl Default for Evaluator {
             changes: EdgeMasks::default(),
             passages: EdgeHits::default(),
             listing: [false; 3],
-            normals: Normals::default(),
+            normals: FacetNormals::default(),
         }
     }
 }

@@ -5,9 +5,9 @@ use crate::brick::OctNormal;
 
 /// Per facet of a brick: its normal, once needed. Kept from brick to brick.
 #[derive(Default)]
-pub(super) struct Normals(Vec<Option<OctNormal>>);
+pub(super) struct FacetNormals(Vec<Option<OctNormal>>);
 
-impl Normals {
+impl FacetNormals {
     /// Begins a brick with this many facets.
     pub fn begin(&mut self, facets: usize) {
         self.0.clear();

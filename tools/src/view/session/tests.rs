@@ -6,7 +6,7 @@ const SIZE: [u32; 2] = [800, 600];
 fn session() -> Session {
     let bounds = [[0.0, -10.0, 2.0], [40.0, 10.0, 12.1]];
     let styles = ["solid", "boundary"].map(str::to_owned).into();
-    let part = Part { bounds, unit: "mm".to_owned(), pitch: 0.5, styles };
+    let part = ViewedStore { bounds, unit: "mm".to_owned(), pitch: 0.5, styles };
     Session::new(part, View::named("front").unwrap(), 0, SIZE)
 }
 
@@ -76,11 +76,11 @@ fn keys_do_what_the_help_says() {
     assert!(session.shot().style == 0 && session.shows_help());
     // The plane, its other side, another axis, and none.
     keys(&mut session, "x");
-    assert_eq!(session.shot().cut, Some(Cut { axis: Axis::X, at: 20.0, above: true }));
+    assert_eq!(session.shot().cut, Some(CutPlane { axis: Axis::X, at: 20.0, above: true }));
     keys(&mut session, "x");
-    assert_eq!(session.shot().cut, Some(Cut { axis: Axis::X, at: 20.0, above: false }));
+    assert_eq!(session.shot().cut, Some(CutPlane { axis: Axis::X, at: 20.0, above: false }));
     keys(&mut session, "z");
-    assert_eq!(session.shot().cut, Some(Cut { axis: Axis::Z, at: 7.5, above: true }));
+    assert_eq!(session.shot().cut, Some(CutPlane { axis: Axis::Z, at: 7.5, above: true }));
     assert!(session.status().ends_with("z < 7.500 mm, layer 11 of 21"), "{}", session.status());
     session.handle(Event::Key(Key::PageUp));
     session.handle(Event::Key(Key::PageUp));
@@ -90,8 +90,8 @@ fn keys_do_what_the_help_says() {
     assert_eq!(session.shot().cut.unwrap().at, 2.5);
     keys(&mut session, "c");
     assert_eq!(session.shot().cut, None);
-    assert_eq!(session.handle(Event::Key(Key::Letter('s'))), Some(Request::Screenshot));
-    assert_eq!(session.handle(Event::Key(Key::Escape)), Some(Request::Quit));
+    assert_eq!(session.handle(Event::Key(Key::Letter('s'))), Some(WindowRequest::Screenshot));
+    assert_eq!(session.handle(Event::Key(Key::Escape)), Some(WindowRequest::Quit));
 }
 
 #[test]
@@ -99,7 +99,7 @@ fn the_slider_goes_through_the_layers() {
     let mut session = session();
     session.handle(Event::Point([799.0, 300.0]));
     session.handle(Event::Press { button: Button::Left, shift: false });
-    assert_eq!(session.shot().cut, Some(Cut { axis: Axis::Z, at: 7.0, above: true }));
+    assert_eq!(session.shot().cut, Some(CutPlane { axis: Axis::Z, at: 7.0, above: true }));
     // Beyond the window's edge there is no more than all, and no less than a layer.
     for (y, at) in [(-50.0, 12.1), (900.0, 2.5), (600.0 * 0.2, 10.0)] {
         session.handle(Event::Point([100.0, y]));
@@ -135,9 +135,9 @@ fn a_plane_that_rested_at_the_lower_end_leaves_a_layer() {
     let mut session = session();
     keys(&mut session, "zz");
     session.handle(Event::Key(Key::Home));
-    assert_eq!(session.shot().cut, Some(Cut { axis: Axis::Z, at: 2.0, above: false }));
+    assert_eq!(session.shot().cut, Some(CutPlane { axis: Axis::Z, at: 2.0, above: false }));
     keys(&mut session, "xz");
-    assert_eq!(session.shot().cut, Some(Cut { axis: Axis::Z, at: 2.5, above: true }));
+    assert_eq!(session.shot().cut, Some(CutPlane { axis: Axis::Z, at: 2.5, above: true }));
 }
 
 fn any_event() -> impl Strategy<Value = Event> {
@@ -168,7 +168,7 @@ proptest! {
             prop_assert!((-90.0..=90.0).contains(&view.elevation));
             prop_assert!(focus.height > 0.0 && focus.centre.iter().all(|c| c.abs() < 1e3));
             prop_assert!(style < 2 && !size.contains(&0));
-            if let Some(Cut { axis, at, above }) = cut {
+            if let Some(CutPlane { axis, at, above }) = cut {
                 let [low, high] = session.part.ends(axis);
                 let leaves = if above { low < at && at <= high } else { low <= at && at < high };
                 prop_assert!(leaves, "{low} {at} {high}");

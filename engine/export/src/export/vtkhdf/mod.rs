@@ -10,7 +10,7 @@ mod tree;
 use super::blocks;
 use super::compress::Zlib;
 use super::{Format, LevelSupport, Volume};
-use crate::analysis::{Block, Element};
+use crate::analysis::{BrickBlock, Element};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey};
 use crate::part::PartFile;
@@ -169,7 +169,7 @@ impl<'a> Level<'a> {
             Some(0) => Ok(None),
             Some(value) => Ok(Some(maker.uniform(value, kind))),
             None => {
-                let of = |block: &Block<'_>| maker.block(block, kind);
+                let of = |block: &BrickBlock<'_>| maker.block(block, kind);
                 blocks::with_block(self.volume.tree, place.key, self.level, place.position, of).map(Some)
             }
         }
@@ -235,7 +235,7 @@ impl StreamMaker {
         [points, cells]
     }
 
-    fn block(&mut self, block: &Block<'_>, kind: Datatype) -> [Vec<u8>; 2] {
+    fn block(&mut self, block: &BrickBlock<'_>, kind: Datatype) -> [Vec<u8>; 2] {
         self.points.clear();
         let at =
             |n: usize| [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
