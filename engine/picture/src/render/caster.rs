@@ -3,9 +3,9 @@
 
 use super::bricks::{Bricks, RayBrick, ThreadBricks};
 use super::frame::{Frame, TILE as BAND_ROWS};
+use super::gpu_scene::{scene_words, sight_of};
 use super::nodes::Nodes;
 use super::relief::Band;
-use super::sight::{scene_words, sight_of};
 use super::{RenderSummary, Scene};
 use crate::error::{Error, Result};
 use crate::gpu::{DeviceFailure, Gpu, RayCaster, RayKernels, RayScene};

@@ -7,7 +7,7 @@
 //! stretch bends as the normals at its ends say. A brick of a coarser level is asked for the boundary in its own,
 //! larger squares.
 
-use super::at_hand::{BrickFinder, PlacedBrick};
+use super::brick_finder::{BrickFinder, PlacedBrick};
 use super::cell::stretches;
 use super::face::{Layer, PlaneCrossing};
 use super::join::{Contour, ContourSegment, EdgeId, EdgePoint, TileContour, edge};

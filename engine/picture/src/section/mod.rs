@@ -16,7 +16,7 @@
 //! | `drawing` | SVG and DXF files |
 
 mod arc;
-mod at_hand;
+mod brick_finder;
 mod cell;
 mod contour;
 mod drawing;

@@ -1,6 +1,6 @@
 //! w in a plane as a picture.
 
-use super::at_hand::{BrickFinder, nearest, trilinear};
+use super::brick_finder::{BrickFinder, nearest, trilinear};
 use super::labels::{LabelPixels, SectionLabel, marks};
 use super::legend::Legend;
 use super::plane::Plane;
