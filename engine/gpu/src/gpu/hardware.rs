@@ -44,7 +44,7 @@ struct Allocated {
 
 impl Hardware {
     /// The hardware with this number. `cap` says how many bytes may be allocated; for `stages` see
-    /// [`super::device::Settings::staging`].
+    /// [`super::device::DeviceSettings::staging`].
     pub fn new(
         instance: Instance,
         index: usize,

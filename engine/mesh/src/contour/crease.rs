@@ -38,7 +38,7 @@ pub(super) fn is_crossed(mask: u8, face: Direction) -> bool {
 /// Where the planes of a cell with one loop meet at a sharp angle, as the cell sees it.
 #[derive(Clone, Copy)]
 pub(super) struct Crease {
-    /// Matrix, right-hand side and so on, as in [`super::constrained_qef::Terms`]; the largest eigenvalue is known.
+    /// Matrix, right-hand side and so on, as in [`super::constrained_qef::LoopTerms`]; the largest eigenvalue is known.
     terms: [f64; 16],
     /// The minimiser anywhere.
     pub free: Vector,

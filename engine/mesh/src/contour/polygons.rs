@@ -98,7 +98,7 @@ pub(super) fn leaf_facets(
 }
 
 /// The triangles of a leaf as they would be with what is merged so far, as far as they are wanted, for
-/// [`super::triangle_spool::each_whole`], and how they name vertices; the names of the corners of polygons with a merged vertex bear a
+/// [`super::triangle_names::each_whole`], and how they name vertices; the names of the corners of polygons with a merged vertex bear a
 /// [`MergeMark`].
 pub(super) fn named_facets(
     field: &LevelSet,

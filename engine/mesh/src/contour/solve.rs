@@ -119,7 +119,7 @@ impl<S: Simd> SolvedGroup<S> {
 }
 
 impl LoopGroup {
-    /// An empty one; `on_surface` is as in [`super::field::Field`].
+    /// An empty one; `on_surface` is as in [`super::field::LevelSet`].
     pub(super) fn new(on_surface: OnSurface) -> LoopGroup {
         LoopGroup { on_surface, ..LoopGroup::default() }
     }

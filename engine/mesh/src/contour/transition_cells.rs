@@ -49,7 +49,7 @@ pub(super) struct MixedCut {
     /// The same relative to the cell's lower corner, as [`LoopCrossing::key`]: that which enters the run that is cut off, and that
     /// which leaves it.
     keys: [u64; 2],
-    /// Where it has its vertex if it must have one: [`face_vertices::Face::half_way`], or that of several.
+    /// Where it has its vertex if it must have one: [`face_vertices::SplitFace::half_way`], or that of several.
     pub at: [f32; 3],
     /// Whether the face has several cuts, each with a vertex.
     pub is_split: bool,

@@ -1,6 +1,6 @@
 //! Merging across the borders of bricks: nodes of 64, 128, … cells, which are nodes of the tree above its leaves.
 //!
-//! One walk over the leaves in Morton order, before any vertex is numbered. A leaf hands its [`Part`]s to its parent:
+//! One walk over the leaves in Morton order, before any vertex is numbered. A leaf hands its [`SurfaceDisk`]s to its parent:
 //! the disks that meet its border as a plane may.
 //!
 //! A node whose eight children are done joins their parts where crossings on the planes between the children say so,

@@ -78,7 +78,7 @@ struct LeafIntersections {
     leaf: u32,
     /// What is to be given up.
     taken: Vec<MergeTarget>,
-    /// As [`super::Merged::has_moved`].
+    /// As [`super::MergedVertices::has_moved`].
     has_moved: bool,
     /// As in [`MeetingSearch::largest`].
     largest: u8,

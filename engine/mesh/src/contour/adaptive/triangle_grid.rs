@@ -40,7 +40,7 @@ pub(super) struct TriangleGrid {
     numbers: HashTable<u32>,
     /// Those of polygons with a merged corner.
     merged: Vec<GridTriangle>,
-    /// As [`super::leaf_triangles::Made::single_brick`].
+    /// As [`super::leaf_triangles::LeafTriangles::lone`].
     lone: Vec<(u32, Merge)>,
     /// The others.
     plain: Vec<GridTriangle>,

@@ -1,7 +1,7 @@
 //! Faces of cells next to leaves of other levels.
 //!
-//! Such a cell is bounded by minimal faces and edges, its own or those of finer leaves ([`super::super::transition_cells`]), and
-//! what [`super::super::envelope`] says of cells of one size holds of it as well. It is convex, and its vertex is
+//! Such a cell is bounded by minimal faces and edges, its own or those of finer leaves ([`crate::contour::transition_cells`]), and
+//! what [`crate::contour::envelope`] says of cells of one size holds of it as well. It is convex, and its vertex is
 //! strictly inside.
 //!
 //! So the triangles between that vertex and the line in which the surface passes the cell's boundary meet nowhere if
