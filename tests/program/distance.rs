@@ -7,7 +7,7 @@ use brickfield_engine::lattice::Axis;
 use brickfield_engine::store::{BrickTree, Store};
 use std::path::{Path, PathBuf};
 
-fn stl_of(dir: &Scratch, name: &str, mesh: &Mesh) -> PathBuf {
+pub(super) fn stl_of(dir: &Scratch, name: &str, mesh: &Mesh) -> PathBuf {
     let mut bytes = Vec::new();
     write::stl(&mut bytes, mesh).unwrap();
     dir.file(name, bytes)

@@ -2,8 +2,11 @@
 
 mod readers;
 
+use super::distance::stl_of;
 use crate::support::*;
+use brickfield_bench_data::{Mesh, shapes};
 use readers::{Samples, numbers, vdb, vti, vtkhdf, zarr};
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -158,6 +161,73 @@ fn contents(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     all
 }
 
+/// The distance of a point from a shape about the origin, below 0 inside.
+type Distance<'a> = &'a dyn Fn([f64; 3]) -> f64;
+
+/// Exports a mesh as distances and compares them with a formula, in three formats that agree.
+fn distances_are(dir: &Scratch, mesh: &Mesh, cell: &str, truth: Distance<'_>) {
+    let (input, store) = (stl_of(dir, "m.stl", mesh), dir.path("m.brf"));
+    run(&[&"build", &input, &"-o", &store, &"--cell", &cell, &"-q"]).ok();
+    for back in [0, 1] {
+        let depth = run(&[&"info", &store, &"--json"]).json()["depth"].as_u64().unwrap();
+        let level = (depth - back).to_string();
+        let more = ["--as", "sdf", "--level", &level];
+        let bytes = std::fs::read(export(dir, &store, "d.npy", &more)).unwrap();
+        let told: Value = serde_json::from_slice(&std::fs::read(dir.path("d.json")).unwrap()).unwrap();
+        let origin: [f64; 3] = std::array::from_fn(|a| told["origin"][a].as_f64().unwrap());
+        let (axis, step) = (32usize << (depth - back), told["spacing"].as_f64().unwrap());
+        let values = numbers(&bytes[bytes.len() - 4 * axis.pow(3)..], "f4");
+        let finest = step / f64::from(1u32 << back);
+        let mut near = 0;
+        for (n, value) in values.iter().enumerate() {
+            let ijk = [n % axis, n / axis % axis, n / axis / axis];
+            let exact = truth(std::array::from_fn(|a| origin[a] + step * ijk[a] as f64));
+            let expected = exact.clamp(-3.0 * step, 3.0 * step);
+            assert!((f64::from(*value) - expected).abs() <= 0.05 * finest, "{value} for {exact} at {ijk:?}");
+            assert!(exact.abs() < 0.05 * finest || (*value < 0.0) == (exact < 0.0), "{value} for {exact}");
+            near += usize::from(exact.abs() < 2.0 * step);
+        }
+        assert!(near > 500, "{near}");
+        let grids = vdb(&export(dir, &store, "d.vdb", &more), &[axis]);
+        assert_eq!(grids[0].0, "distance");
+        assert!(grids[0].2.values == values, "vdb");
+        assert!(zarr(&export(dir, &store, "d.zarr", &more).join("0"), axis, "f4").values == values, "zarr");
+        assert!(vti(&export(dir, &store, "d.vti", &more), axis, "f4").values == values, "vti");
+    }
+}
+
+#[test]
+fn distances_are_those_of_balls_tori_and_boxes() {
+    let dir = Scratch::new();
+    let length = |p: [f64; 3]| (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
+    distances_are(&dir, &shapes::icosphere(6, 5.0), "0.4", &|p| length(p) - 5.0);
+    let ring = |p: [f64; 3]| length([p[0].hypot(p[1]) - 6.0, p[2], 0.0]) - 2.0;
+    distances_are(&dir, &shapes::torus(6.0, 2.0, 800, 300), "0.4", &ring);
+    let (axis, angle, half) = ([1.0, 2.0, 3.0], 0.7, [6.0, 4.0, 5.0]);
+    let turned = shapes::cuboid(half.map(|h| -h), half).rotated(axis, angle);
+    let units = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let axes = Mesh { vertices: units, triangles: Vec::new() }.rotated(axis, angle).vertices;
+    distances_are(&dir, &turned, "0.4", &|p| {
+        let off: [f64; 3] =
+            std::array::from_fn(|a| (0..3).map(|n| axes[a][n] * p[n]).sum::<f64>().abs() - half[a]);
+        length(off.map(|c| c.max(0.0))) + off.into_iter().fold(f64::NEG_INFINITY, f64::max).min(0.0)
+    });
+}
+
+#[test]
+fn what_has_no_distances_is_told() {
+    let dir = Scratch::new();
+    let (store, open) = (dir.store("overlap_boxes", 1), open(&dir));
+    let sdf = |store: &Path, name: &str, more: &str| {
+        run(&[&"export", &store, &"--as", &"sdf", &"-o", &dir.path(name), &more])
+    };
+    assert!(sdf(&store, "d.vtkhdf", "-q").misused().contains("holds no distances"));
+    assert!(sdf(&store, "d.vdb", "--dtype=i2").misused().contains("no integers"));
+    assert!(sdf(&store, "d.vdb", "--all-levels").misused().contains("one level"));
+    let line = sdf(&open, "d.vdb", "-q").failed();
+    assert!(line.contains("open input") && !dir.path("d.vdb").exists(), "{line}");
+}
+
 #[test]
 fn threads_change_no_byte() {
     let dir = Scratch::new();
@@ -168,6 +238,9 @@ fn threads_change_no_byte() {
         });
         assert!(one == two && two == three, "{ending}");
     }
+    let [one, two] = ["1", "2"]
+        .map(|threads| contents(&export(&dir, &store, "d.vdb", &["--as", "sdf", "--threads", threads])));
+    assert!(one == two);
 }
 
 #[test]

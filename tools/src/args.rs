@@ -462,6 +462,7 @@ the nearest lower sample for i2 and trilinear interpolation for f4.
 Examples:
   brickfield export part.brf -o part.vdb
   brickfield export part.brf --level 3 -o w.npy
+  brickfield export part.brf --as sdf -o part.vdb
   brickfield export part.brf -o part.vtkhdf --dtype f4")]
 pub struct ExportArgs {
     /// The store
@@ -476,6 +477,9 @@ pub struct ExportArgs {
     /// The volume to write: .npy, .vdb, .vtkhdf, .zarr, .vti, .mhd, .mha, .tif or .raw
     #[arg(long, short, value_name = "W.npy")]
     pub output: PathBuf,
+    /// What to write
+    #[arg(long = "as", value_enum, value_name = "WHAT", default_value_t)]
+    pub quantity: QuantityArg,
     /// Type of the values [default: i2; f4 in .vdb, and where samples are fractions, as of open input and point clouds]
     #[arg(long, value_enum)]
     pub dtype: Option<DtypeArg>,
@@ -487,6 +491,17 @@ pub struct ExportArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// What the samples of a volume are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum QuantityArg {
+    /// Winding numbers
+    #[default]
+    W,
+    /// Signed distances from the surface, below 0 inside, in the unit of the store: a level set. Three steps away and
+    /// farther they are ±3 steps
+    Sdf,
 }
 
 /// NumPy's names of the element types.

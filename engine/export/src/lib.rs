@@ -4,6 +4,6 @@
 
 pub mod export;
 
-use brickfield_analysis::analysis;
+use brickfield_analysis::{analysis, distance};
 use brickfield_core::{error, lattice, part, progress, schedule};
 use brickfield_octree::store;

@@ -11,8 +11,8 @@ pub struct Samples {
 }
 
 impl Samples {
-    fn zeros(axis: usize) -> Samples {
-        Samples { axis, values: vec![0.0; axis.pow(3)] }
+    fn filled(axis: usize, value: f32) -> Samples {
+        Samples { axis, values: vec![value; axis.pow(3)] }
     }
 
     fn set(&mut self, [x, y, z]: [usize; 3], value: f32) {
@@ -93,7 +93,8 @@ pub fn vdb(path: &Path, axes: &[usize]) -> Vec<(String, String, Samples)> {
         let mut tree = Tree {
             voxels: Bytes(&all[voxels..end]),
             is_float: kind.contains("float"),
-            samples: Samples::zeros(axis),
+            background: 0.0,
+            samples: Samples::filled(axis, 0.0),
         };
         tree.read(&mut topology);
         assert!(topology.0.is_empty() && tree.voxels.0.is_empty());
@@ -115,7 +116,17 @@ fn metadata(bytes: &mut Bytes<'_>) {
 struct Tree<'a> {
     voxels: Bytes<'a>,
     is_float: bool,
+    background: f32,
     samples: Samples,
+}
+
+/// Values of the active entries of a node, and what the others are.
+struct Values {
+    active: Vec<f32>,
+    /// Whether all inactive entries are inside of a level set.
+    all_inner: bool,
+    /// Entries that are not inside.
+    outer: Option<Vec<usize>>,
 }
 
 fn bits(mask: &[u8]) -> Vec<usize> {
@@ -133,8 +144,10 @@ fn plus(a: [usize; 3], b: [usize; 3], scale: usize) -> [usize; 3] {
 }
 
 impl Tree<'_> {
-    fn values(&self, bytes: &mut Bytes<'_>, count: usize) -> Vec<f32> {
-        assert_eq!(bytes.u8(), 0);
+    fn values(&self, bytes: &mut Bytes<'_>, count: usize, mask_bytes: usize) -> Values {
+        let code = bytes.u8();
+        assert!([0, 1, 3].contains(&code));
+        let outer = (code == 3).then(|| bits(bytes.take(mask_bytes)));
         let length = bytes.i64();
         let raw = if length > 0 {
             inflate(bytes.take(length as usize))
@@ -144,26 +157,48 @@ impl Tree<'_> {
         assert_eq!(raw.len(), 4 * count);
         let number =
             |b: [u8; 4]| if self.is_float { f32::from_le_bytes(b) } else { i32::from_le_bytes(b) as f32 };
-        raw.chunks_exact(4).map(|b| number(b.try_into().unwrap())).collect()
+        let active = raw.chunks_exact(4).map(|b| number(b.try_into().unwrap())).collect();
+        Values { active, all_inner: code == 1, outer }
+    }
+
+    /// Fills the entries of a node, but for its children.
+    fn entries(
+        &mut self,
+        values: Values,
+        [corner, log, edge]: [[usize; 3]; 3],
+        [active, children]: [&[usize]; 2],
+    ) {
+        let (log, edge) = (log[0], edge[0]);
+        for (n, value) in active.iter().zip(values.active) {
+            assert_ne!(value, self.background, "the background is not active");
+            self.fill(plus(corner, place(*n, log), edge), edge, value);
+        }
+        for n in 0..1 << (3 * log) {
+            let is_outer =
+                values.outer.as_ref().map_or(!values.all_inner, |outer| outer.binary_search(&n).is_ok());
+            if !is_outer && active.binary_search(&n).is_err() && children.binary_search(&n).is_err() {
+                self.fill(plus(corner, place(n, log), edge), edge, -self.background);
+            }
+        }
     }
 
     fn read(&mut self, topology: &mut Bytes<'_>) {
-        assert_eq!((topology.u32(), topology.u32(), topology.u32()), (1, 0, 0));
+        assert_eq!(topology.u32(), 1);
+        let background = topology.u32() as u32;
+        self.background = if self.is_float { f32::from_bits(background) } else { background as f32 };
+        self.samples.values.fill(self.background);
+        assert_eq!(topology.u32(), 0);
         for _ in 0..topology.u32() {
             let origin = std::array::from_fn(|_| topology.u32());
             let (children, tiles) = (bits(topology.take(4096)), bits(topology.take(4096)));
-            let values = self.values(topology, tiles.len());
-            for (n, value) in tiles.iter().zip(values) {
-                self.fill(plus(origin, place(*n, 5), 128), 128, value);
-            }
+            let values = self.values(topology, tiles.len(), 4096);
+            self.entries(values, [origin, [5; 3], [128; 3]], [&tiles, &children]);
             let mut leaves = Vec::new();
             for n in children {
                 let corner = plus(origin, place(n, 5), 128);
                 let (children, tiles) = (bits(topology.take(512)), bits(topology.take(512)));
-                let values = self.values(topology, tiles.len());
-                for (n, value) in tiles.iter().zip(values) {
-                    self.fill(plus(corner, place(*n, 4), 8), 8, value);
-                }
+                let values = self.values(topology, tiles.len(), 512);
+                self.entries(values, [corner, [4; 3], [8; 3]], [&tiles, &children]);
                 leaves
                     .extend(children.into_iter().map(|n| (plus(corner, place(n, 4), 8), topology.take(64))));
             }
@@ -171,12 +206,9 @@ impl Tree<'_> {
                 assert_eq!(self.voxels.take(64), mask);
                 let active = bits(mask);
                 let mut voxels = std::mem::replace(&mut self.voxels, Bytes(&[]));
-                let values = self.values(&mut voxels, active.len());
+                let values = self.values(&mut voxels, active.len(), 64);
                 self.voxels = voxels;
-                for (n, value) in active.into_iter().zip(values) {
-                    assert_ne!(value, 0.0, "the background is not active");
-                    self.samples.set(plus(corner, place(n, 3), 1), value);
-                }
+                self.entries(values, [corner, [3; 3], [1; 3]], [&active, &[]]);
             }
         }
     }
@@ -204,7 +236,9 @@ pub fn vti(path: &Path, axis: usize, kind: &str) -> Samples {
 
 /// Samples of an array of an OME-Zarr folder.
 pub fn zarr(folder: &Path, axis: usize, kind: &str) -> Samples {
-    let mut samples = Samples::zeros(axis);
+    let text = std::fs::read_to_string(folder.join("zarr.json")).unwrap();
+    let array: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut samples = Samples::filled(axis, array["fill_value"].as_f64().unwrap() as f32);
     let shard = axis.min(256);
     let (shards, bricks) = (axis / shard, shard / 32);
     for n in 0..shards.pow(3) {

@@ -168,7 +168,7 @@ fn check(
             ScriptStep::Size(size) => require_size(*size).map_err(refused)?,
             ScriptStep::Cut(Some(cut)) => drop(place(*cut, part).map_err(refused)?),
             ScriptStep::Style(name) if !looks.names.contains(name) => {
-                drop(looks.add(Path::new(name), store)?)
+                looks.add(Path::new(name), store)?;
             }
             ScriptStep::Screenshot(path) if !outputs.contains(&path.as_path()) => outputs.push(path),
             _ => {}

@@ -48,6 +48,7 @@ pub struct Dense<'a> {
     tree: &'a dyn BrickTree,
     level: u8,
     element: Element,
+    scale: f32,
 }
 
 impl<'a> Dense<'a> {
@@ -63,7 +64,13 @@ impl<'a> Dense<'a> {
                 format!("choose a level from 0 to {deepest}"),
             ));
         }
-        Ok(Dense { tree, level, element })
+        Ok(Dense { tree, level, element, scale: 1.0 })
+    }
+
+    /// With floats that are so many times the samples.
+    #[must_use]
+    pub fn scaled(self, scale: f32) -> Dense<'a> {
+        Dense { scale, ..self }
     }
 
     /// Samples along each axis.
@@ -155,7 +162,7 @@ impl<'a> Dense<'a> {
             let block = BrickBlock::new(&brick, key, self.level, [x, y, z]);
             for (row, bytes) in strip.chunks_exact_mut(row_bytes).enumerate() {
                 let at = &mut bytes[x as usize * BRICK_CELLS * size..][..BRICK_CELLS * size];
-                block.fill_row([row % BRICK_CELLS, row / BRICK_CELLS], self.element, at);
+                block.fill_row([row % BRICK_CELLS, row / BRICK_CELLS], (self.element, self.scale), at);
             }
             last = Some((key, brick));
         }
@@ -211,7 +218,7 @@ impl BrickBlock<'_> {
     }
 
     /// Fills the row along x at `[j, k]`.
-    fn fill_row(&self, [j, k]: [usize; 2], element: Element, out: &mut [u8]) {
+    fn fill_row(&self, [j, k]: [usize; 2], (element, scale): (Element, f32), out: &mut [u8]) {
         match element {
             Element::I16 => {
                 for (i, bytes) in out.as_chunks_mut::<2>().0.iter_mut().enumerate() {
@@ -220,7 +227,7 @@ impl BrickBlock<'_> {
             }
             Element::F32 => {
                 for (i, bytes) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-                    *bytes = self.float([i, j, k]).to_le_bytes();
+                    *bytes = (self.float([i, j, k]) * scale).to_le_bytes();
                 }
             }
         }

@@ -15,6 +15,7 @@
 //! | `around` | normals of surfaces with facets |
 //! | `thickness` | thickness of walls, width of gaps |
 //! | `offset` | offsets and shells as stores |
+//! | `band` | distances near the surface as a tree |
 //! | `deviation` | signed distances from a reference, both ways |
 //! | `align` | a part laid over a reference |
 //! | `triangles` | the triangles of a mesh |
@@ -24,6 +25,7 @@
 
 mod align;
 mod around;
+mod band;
 mod boxes;
 pub mod deviation;
 mod numbers;
@@ -41,6 +43,7 @@ pub mod thickness;
 mod triangles;
 
 pub use align::{Align, align};
+pub use band::{BAND, DistanceTree};
 pub use regions::Region;
 pub use scalar_ply::ScalarPly;
 pub use sides::Sides;

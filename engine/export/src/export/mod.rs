@@ -15,7 +15,7 @@ mod vtkhdf;
 mod zarr;
 
 pub use dense::npy_header;
-pub use volume::{LevelSupport, Volume};
+pub use volume::{LevelSupport, Quantity, Volume};
 
 use crate::analysis::Element;
 use crate::error::Result;
@@ -41,6 +41,11 @@ pub trait Format: Sync {
     /// The type of the values of whole samples, where the user chooses none.
     fn element(&self) -> Element {
         Element::I16
+    }
+
+    /// Whether it holds distances, whose background is not 0.
+    fn takes_distances(&self) -> bool {
+        true
     }
 
     /// Ending of a second file beside it, if there is one.

@@ -1,6 +1,7 @@
 //! What is written: levels of a tree with the type of their values.
 
 use crate::analysis::{Dense, Element};
+use crate::distance::BAND;
 use crate::error::Result;
 use crate::lattice::BRICK_CELLS;
 use crate::store::BrickTree;
@@ -16,12 +17,23 @@ pub enum LevelSupport {
     Nested,
 }
 
+/// What samples are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Winding numbers.
+    Winding,
+    /// Signed distances near the surface, of a [`crate::distance::DistanceTree`]; floats, in world units.
+    Distance,
+}
+
 /// Levels of a tree with the type of their values.
 pub struct Volume<'a> {
     /// The tree.
     pub tree: &'a dyn BrickTree,
     /// The levels, the finest first; not empty.
     pub levels: Vec<u8>,
+    /// What they hold; of distances one level.
+    pub quantity: Quantity,
     /// Type of the values.
     pub element: Element,
     /// Name of the values, as in `w`.
@@ -45,7 +57,23 @@ impl Volume<'_> {
 
     /// The finest level as a dense grid.
     pub(crate) fn dense(&self) -> Result<Dense<'_>> {
-        Dense::new(self.tree, self.finest(), self.element)
+        Ok(Dense::new(self.tree, self.finest(), self.element)?.scaled(self.scale(self.finest())))
+    }
+
+    /// What a sample of 1 is as a float.
+    pub(crate) fn scale(&self, level: u8) -> f32 {
+        match self.quantity {
+            Quantity::Winding => 1.0,
+            Quantity::Distance => self.spacing(level) as f32,
+        }
+    }
+
+    /// The sample of what is empty.
+    pub(crate) fn background(&self) -> i16 {
+        match self.quantity {
+            Quantity::Winding => 0,
+            Quantity::Distance => BAND,
+        }
     }
 
     /// World position of the sample `[0][0][0]` of every level.

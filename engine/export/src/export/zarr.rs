@@ -115,11 +115,12 @@ impl Array<'_> {
             Element::F32 => "float32",
         };
         let chunk = BRICK_CELLS;
+        let fill = f32::from(self.volume.background()) * self.volume.scale(self.level);
         format!(
             "{{\"zarr_format\":3,\"node_type\":\"array\",\"shape\":[{axis},{axis},{axis}],\"data_type\":\"{kind}\",\
              \"chunk_grid\":{{\"name\":\"regular\",\"configuration\":{{\"chunk_shape\":[{shard},{shard},{shard}]}}}},\
              \"chunk_key_encoding\":{{\"name\":\"default\",\"configuration\":{{\"separator\":\"/\"}}}},\
-             \"fill_value\":0,\"dimension_names\":[\"z\",\"y\",\"x\"],\"attributes\":{{}},\
+             \"fill_value\":{fill},\"dimension_names\":[\"z\",\"y\",\"x\"],\"attributes\":{{}},\
              \"codecs\":[{{\"name\":\"sharding_indexed\",\"configuration\":{{\"chunk_shape\":[{chunk},{chunk},{chunk}],\
              \"codecs\":[{{\"name\":\"bytes\",\"configuration\":{{\"endian\":\"little\"}}}},\
              {{\"name\":\"gzip\",\"configuration\":{{\"level\":{GZIP_LEVEL}}}}}],\
@@ -128,7 +129,7 @@ impl Array<'_> {
         )
     }
 
-    /// Writes a shard, unless all of it is 0.
+    /// Writes a shard, unless all of it is empty.
     fn shard(&self, place: [u32; 3], folder: &Path) -> Result<()> {
         let (axis, mut index) = (self.shard_bricks(), Vec::new());
         let mut file: Option<PartFile> = None;
@@ -157,19 +158,21 @@ impl Array<'_> {
         file.finish()
     }
 
-    /// The stream of a brick; none of zeros.
+    /// The stream of a brick; none of an empty one.
     fn chunk(&self, place: [u32; 3]) -> Result<Option<Vec<u8>>> {
         let (key, node) = covering(self.volume.tree, self.level, place)?;
-        let mut bytes = Vec::new();
+        let (mut bytes, scale) = (Vec::new(), self.volume.scale(self.level));
         match (node.uniform(), self.volume.element) {
-            (Some(0), _) => return Ok(None),
+            (Some(value), _) if value == self.volume.background() => return Ok(None),
             (Some(value), Element::I16) => bytes = value.to_le_bytes().repeat(BRICK_CELLS.pow(3)),
-            (Some(value), Element::F32) => bytes = f32::from(value).to_le_bytes().repeat(BRICK_CELLS.pow(3)),
+            (Some(value), Element::F32) => {
+                bytes = (f32::from(value) * scale).to_le_bytes().repeat(BRICK_CELLS.pow(3));
+            }
             (None, element) => blocks::with_block(self.volume.tree, key, self.level, place, |block| {
-                samples(block, element, &mut bytes);
+                samples(block, (element, scale), &mut bytes);
             })?,
         }
-        if bytes.iter().all(|&byte| byte == 0) {
+        if self.volume.background() == 0 && bytes.iter().all(|&byte| byte == 0) {
             return Ok(None);
         }
         let mut encoder = GzEncoder::new(Vec::new(), Compression::new(GZIP_LEVEL));
@@ -179,12 +182,12 @@ impl Array<'_> {
 }
 
 /// The bytes of a brick's samples, x fastest.
-fn samples(block: &BrickBlock<'_>, element: Element, out: &mut Vec<u8>) {
+fn samples(block: &BrickBlock<'_>, (element, scale): (Element, f32), out: &mut Vec<u8>) {
     for n in 0..BRICK_CELLS.pow(3) {
         let at = [n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / BRICK_CELLS / BRICK_CELLS];
         match element {
             Element::I16 => out.extend(block.integer(at).to_le_bytes()),
-            Element::F32 => out.extend((block.float(at) + 0.0).to_le_bytes()),
+            Element::F32 => out.extend((block.float(at) * scale + 0.0).to_le_bytes()),
         }
     }
 }

@@ -1,7 +1,8 @@
 //! OpenVDB: a sparse grid a level, of file version 224.
 //!
 //! A grid is a tree of nodes of 32³, 16³ and 8³, the last of voxels (Museth 2013, "VDB: High-Resolution Sparse Volumes with
-//! Dynamic Topology"). The background is 0 and exactly the voxels with another value are active. A brick is 64 leaves, and
+//! Dynamic Topology"). The background is 0 and exactly the voxels with another value are active. Of level sets it is the half
+//! width of the band, and exactly the voxels within the band are active; others inside have its opposite. A brick is 64 leaves, and
 //! where it is uniform 64 tiles. Voxel `[x, y, z]` is the sample of that index.
 //!
 //! A file has the topology of a grid before its voxels. Both come from one walk over the bricks: voxels wait in a temporary
@@ -12,7 +13,7 @@ mod pack;
 
 use super::blocks;
 use super::compress::Zlib;
-use super::{Format, LevelSupport, Volume};
+use super::{Format, LevelSupport, Quantity, Volume};
 use crate::analysis::{Element, covering};
 use crate::error::Result;
 use crate::lattice::NodeKey;
@@ -22,7 +23,7 @@ use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{BrickTree, Walk};
 use node::{NodeBuilder, NodeBytes};
-use pack::{Mask, put_string, put_values, word};
+use pack::{Inactive, Mask, put_string, put_values, word};
 use std::path::Path;
 
 const MAGIC: u64 = 0x5644_4220;
@@ -35,7 +36,7 @@ const IDENTITY: &[u8; 36] = b"b41c1d00-0000-4000-8000-627269636b66";
 const COMPRESSION: u32 = 1 | 2;
 /// Bits of a node of 16³'s place in a node of 32³, per axis.
 const SLOT_BITS: u32 = 5;
-/// Levels of bricks in a node of 16³, which spans 4³ bricks.
+/// LevelSupport of bricks in a node of 16³, which spans 4³ bricks.
 pub(super) const NODE_LEVELS: u8 = 2;
 /// Nodes of 16³ a thread that are made ahead of the one that is written.
 const NODES_AHEAD: usize = 3;
@@ -110,6 +111,8 @@ struct Grid<'a> {
 /// What a node of 32³ has at a place.
 enum Slot {
     Empty,
+    /// Inside of a level set, beyond its band.
+    Inner,
     Tile(u32),
     Child,
 }
@@ -142,7 +145,11 @@ impl Grid<'_> {
     fn head(&self, name: &str) -> Vec<u8> {
         let mut head = Vec::new();
         word(&mut head, COMPRESSION);
-        let mut entries = vec![("class", "fog volume"), ("name", name)];
+        let class = match self.volume.quantity {
+            Quantity::Winding => "fog volume",
+            Quantity::Distance => "level set",
+        };
+        let mut entries = vec![("class", class), ("name", name)];
         entries.extend(self.volume.unit.map(|unit| ("unit", unit)));
         put_metadata(&mut head, &entries);
         put_string(&mut head, "UniformScaleTranslateMap");
@@ -163,7 +170,7 @@ impl Grid<'_> {
         let mut head = Vec::new();
         // One buffer, and the background.
         word(&mut head, 1);
-        word(&mut head, 0);
+        word(&mut head, self.bits(self.volume.background()));
         let places = (0..roots.pow(3)).map(|n| [n / roots / roots, n / roots % roots, n % roots]);
         let occupied = |place: &[u32; 3]| -> Result<bool> {
             for slot in slots(*place, axis) {
@@ -195,12 +202,14 @@ impl Grid<'_> {
         progress: &dyn Progress,
     ) -> Result<()> {
         let (mut children, mut tiles) = (Mask::<4096>::new(), Mask::<4096>::new());
+        let mut inactive = Inactive::<4096>::new();
         let (mut values, mut made) = (Vec::new(), Vec::new());
         for slot in slots(place, axis) {
             let [x, y, z] = slot.map(|s| s as usize & 31);
             let index = x << 10 | y << 5 | z;
             match self.slot(slot)? {
-                Slot::Empty => {}
+                Slot::Empty => inactive.outer.set(index),
+                Slot::Inner => inactive.inner.set(index),
                 Slot::Tile(value) => {
                     tiles.set(index);
                     values.push(value);
@@ -215,7 +224,7 @@ impl Grid<'_> {
         place.iter().for_each(|p| word(&mut head, p << (SLOT_BITS + 7)));
         head.extend(children.bytes());
         head.extend(tiles.bytes());
-        put_values(&mut head, &values, &mut Zlib::new());
+        put_values(&mut head, &values, &inactive, &mut Zlib::new());
         file.append(&head)?;
         self.children(&made, file, voxels, progress)
     }
@@ -234,18 +243,22 @@ impl Grid<'_> {
             let (key, node) = covering(tree, self.level, place).ok()?;
             node.uniform().is_none().then_some(key)
         });
+        let scale = self.volume.scale(self.level);
+        let inner =
+            (self.volume.quantity == Quantity::Distance).then(|| self.bits(-self.volume.background()));
+        let outer = self.bits(self.volume.background());
         let work = |maker: &mut NodeBuilder, number: usize| {
             progress.check()?;
             walk.at(number * 64);
             for place in self.places(slots[number]) {
                 let (key, node) = covering(tree, self.level, place)?;
                 match node.uniform() {
-                    Some(0) => {}
+                    Some(value) if value == self.volume.background() => {}
                     Some(value) => maker.add_uniform(place, self.bits(value)),
                     None => {
                         blocks::with_block(tree, key, self.level, place, |block| match self.volume.element {
                             // No negative zero.
-                            Element::F32 => maker.add(place, |at| (block.float(at) + 0.0).to_bits()),
+                            Element::F32 => maker.add(place, |at| (block.float(at) * scale + 0.0).to_bits()),
                             Element::I16 => maker.add(place, |at| i32::from(block.integer(at)) as u32),
                         })?
                     }
@@ -259,7 +272,7 @@ impl Grid<'_> {
             voxels.append(&made.voxels).map(|_| ())
         };
         let ahead = NODES_AHEAD * rayon::current_num_threads();
-        run_ordered(slots.len(), ahead, NodeBuilder::new, work, take)
+        run_ordered(slots.len(), ahead, || NodeBuilder::new(outer, inner), work, take)
     }
 
     /// The places of the bricks of a node of 16³.
@@ -276,7 +289,12 @@ impl Grid<'_> {
         let above = self.level.saturating_sub(NODE_LEVELS);
         let (key, node) = covering(self.tree(), above, slot)?;
         Ok(match node.uniform() {
-            Some(0) if node.leaf => Slot::Empty,
+            Some(value) if node.leaf && value == self.volume.background() => Slot::Empty,
+            Some(_)
+                if node.leaf && self.volume.quantity == Quantity::Distance && self.level >= NODE_LEVELS =>
+            {
+                Slot::Inner
+            }
             // A node of 16³ that is not filled by its bricks is no tile.
             Some(value) if node.leaf && self.level >= NODE_LEVELS => Slot::Tile(self.bits(value)),
             _ if self.occupied(key) => Slot::Child,
@@ -284,10 +302,12 @@ impl Grid<'_> {
         })
     }
 
-    /// Whether a node has, at the level, samples other than 0, as far as the index tells.
+    /// Whether a node has, at the level, samples other than the background, as far as the index tells.
     fn occupied(&self, key: NodeKey) -> bool {
         match self.tree().node(key) {
-            Some(node) if node.leaf || key.level() >= self.level => node.uniform() != Some(0),
+            Some(node) if node.leaf || key.level() >= self.level => {
+                node.uniform() != Some(self.volume.background())
+            }
             Some(_) => crate::lattice::Octant::all().any(|octant| self.occupied(key.child(octant))),
             None => false,
         }
@@ -295,7 +315,7 @@ impl Grid<'_> {
 
     fn bits(&self, value: i16) -> u32 {
         match self.volume.element {
-            Element::F32 => f32::from(value).to_bits(),
+            Element::F32 => (f32::from(value) * self.volume.scale(self.level)).to_bits(),
             Element::I16 => i32::from(value) as u32,
         }
     }

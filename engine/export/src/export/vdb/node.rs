@@ -1,6 +1,6 @@
 //! A node of 16³ leaves, from the bricks that it spans.
 
-use super::pack::{Mask, put_values};
+use super::pack::{Inactive, Mask, put_values};
 use crate::export::compress::Zlib;
 
 /// Leaves of a node along an axis.
@@ -22,6 +22,8 @@ pub(super) struct NodeBytes {
 #[derive(Clone, Copy)]
 enum Entry {
     Empty,
+    /// Inside of a level set, beyond its band.
+    Inner,
     Tile(u32),
     /// Mask and values of a leaf, where they lie among the packed ones.
     Leaf(usize, usize),
@@ -29,20 +31,26 @@ enum Entry {
 
 /// Makes nodes, one after the other.
 pub(super) struct NodeBuilder {
+    /// Bits of the background, and of its opposite in level sets.
+    outer: u32,
+    inner: Option<u32>,
     entries: Vec<Entry>,
     packed: Vec<u8>,
     zlib: Zlib,
 }
 
 impl NodeBuilder {
-    pub(super) fn new() -> NodeBuilder {
-        NodeBuilder { entries: vec![Entry::Empty; LEAVES.pow(3)], packed: Vec::new(), zlib: Zlib::new() }
+    /// With the bits of the background, and in level sets those of its opposite.
+    pub(super) fn new(outer: u32, inner: Option<u32>) -> NodeBuilder {
+        let entries = vec![Entry::Empty; LEAVES.pow(3)];
+        NodeBuilder { outer, inner, entries, packed: Vec::new(), zlib: Zlib::new() }
     }
 
-    /// Adds a brick of one value, which is not 0.
+    /// Adds a brick of one value, which is not the background.
     pub(super) fn add_uniform(&mut self, place: [u32; 3], value: u32) {
+        let entry = if self.inner == Some(value) { Entry::Inner } else { Entry::Tile(value) };
         for leaf in brick_leaves() {
-            self.entries[index(place, leaf)] = Entry::Tile(value);
+            self.entries[index(place, leaf)] = entry;
         }
     }
 
@@ -50,30 +58,35 @@ impl NodeBuilder {
     pub(super) fn add(&mut self, place: [u32; 3], sample: impl Fn([usize; 3]) -> u32) {
         let mut values = Vec::with_capacity(LEAF.pow(3));
         for leaf in brick_leaves() {
-            let mut mask = Mask::<64>::new();
+            let (mut mask, mut inactive) = (Mask::<64>::new(), Inactive::<64>::new());
             values.clear();
             for n in 0..LEAF.pow(3) {
                 let within = [n / LEAF / LEAF, n / LEAF % LEAF, n % LEAF];
                 let value = sample(std::array::from_fn(|a| leaf[a] * LEAF + within[a]));
-                if value != 0 {
+                if value == self.outer {
+                    inactive.outer.set(n);
+                } else if Some(value) == self.inner {
+                    inactive.inner.set(n);
+                } else {
                     mask.set(n);
                     values.push(value);
                 }
             }
-            self.entries[index(place, leaf)] = self.entry(&mask, &values);
+            self.entries[index(place, leaf)] = self.entry(&mask, &values, &inactive);
         }
     }
 
-    fn entry(&mut self, mask: &Mask<64>, values: &[u32]) -> Entry {
+    fn entry(&mut self, mask: &Mask<64>, values: &[u32], inactive: &Inactive<64>) -> Entry {
         match values.first() {
-            None => Entry::Empty,
+            None if inactive.inner.is_empty() => Entry::Empty,
+            None if inactive.outer.is_empty() => Entry::Inner,
             Some(&first) if values.len() == LEAF.pow(3) && values.iter().all(|&value| value == first) => {
                 Entry::Tile(first)
             }
-            Some(_) => {
+            _ => {
                 let start = self.packed.len();
                 self.packed.extend(mask.bytes());
-                put_values(&mut self.packed, values, &mut self.zlib);
+                put_values(&mut self.packed, values, inactive, &mut self.zlib);
                 Entry::Leaf(start, self.packed.len())
             }
         }
@@ -82,11 +95,13 @@ impl NodeBuilder {
     /// The node of what was added since the last one.
     pub(super) fn finish(&mut self) -> NodeBytes {
         let (mut children, mut active) = (Mask::<512>::new(), Mask::<512>::new());
+        let mut inactive = Inactive::<512>::new();
         let (mut tiles, mut masks) = (Vec::new(), Vec::<u8>::new());
         let mut voxels = Vec::with_capacity(self.packed.len());
         for (n, entry) in self.entries.iter_mut().enumerate() {
             match std::mem::replace(entry, Entry::Empty) {
-                Entry::Empty => {}
+                Entry::Empty => inactive.outer.set(n),
+                Entry::Inner => inactive.inner.set(n),
                 Entry::Tile(value) => {
                     active.set(n);
                     tiles.push(value);
@@ -100,7 +115,7 @@ impl NodeBuilder {
         }
         self.packed.clear();
         let mut topology = [children.bytes(), active.bytes()].concat();
-        put_values(&mut topology, &tiles, &mut self.zlib);
+        put_values(&mut topology, &tiles, &inactive, &mut self.zlib);
         topology.extend(masks);
         NodeBytes { topology, voxels }
     }

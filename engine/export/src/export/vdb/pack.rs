@@ -33,15 +33,52 @@ impl<const BYTES: usize> Mask<BYTES> {
         self.0[index / 8] |= 1 << (index % 8);
     }
 
+    /// Whether no bit is set.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.iter().all(|&byte| byte == 0)
+    }
+
     /// The bits, the lowest of each byte first.
     pub(super) fn bytes(&self) -> &[u8] {
         &self.0
     }
 }
 
-/// Appends the active values of a node whose other values are the background.
-pub(super) fn put_values(out: &mut Vec<u8>, active: &[u32], zlib: &mut Zlib) {
-    out.push(0);
+/// The values of inactive entries of a node: the background, and of level sets its opposite, which is inside.
+#[derive(Clone)]
+pub(super) struct Inactive<const BYTES: usize> {
+    /// Entries that have the background.
+    pub outer: Mask<BYTES>,
+    /// Entries that have its opposite.
+    pub inner: Mask<BYTES>,
+}
+
+impl<const BYTES: usize> Inactive<BYTES> {
+    /// None.
+    pub(super) fn new() -> Inactive<BYTES> {
+        Inactive { outer: Mask::new(), inner: Mask::new() }
+    }
+
+    fn put(&self, out: &mut Vec<u8>) {
+        match (self.outer.is_empty(), self.inner.is_empty()) {
+            (_, true) => out.push(0),
+            (true, false) => out.push(1),
+            (false, false) => {
+                out.push(3);
+                out.extend(self.outer.bytes());
+            }
+        }
+    }
+}
+
+/// Appends the active values of a node, and what its other values are.
+pub(super) fn put_values<const BYTES: usize>(
+    out: &mut Vec<u8>,
+    active: &[u32],
+    inactive: &Inactive<BYTES>,
+    zlib: &mut Zlib,
+) {
+    inactive.put(out);
     let bytes = active.len() * 4;
     let stream = match active.first() {
         None => &[],

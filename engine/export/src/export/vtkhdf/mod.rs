@@ -48,6 +48,11 @@ impl Format for VtkHdf {
         LevelSupport::Nested
     }
 
+    /// Readers put zeros where bricks are left out.
+    fn takes_distances(&self) -> bool {
+        false
+    }
+
     fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
         blocks::mixed(volume) * BLOCK_BYTES + volume.tree.keys().len() as u128 * 24 + (1 << 16)
     }

@@ -1,0 +1,180 @@
+//! Signed distances near a surface as a tree of bricks, for level sets in the files of other tools.
+
+use super::sides::Sides;
+use super::surface::{Foot, Surface};
+use crate::brick::{Brick, Hermite, POINTS, Samples, point_index};
+use crate::error::{Error, Result};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, RootCube, dot};
+use crate::progress::Progress;
+use crate::store::{BrickTree, NodeInfo};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Half the width of the band, in samples, as in OpenVDB.
+pub const BAND: i16 = 3;
+/// Binary places of distances in samples.
+const PLACES: u8 = 12;
+/// A node or a run of samples is beyond the band if its middle is, by its reach and so many cells: more than errors of distances.
+const CERTAIN: f64 = 0.1;
+
+/// Signed distances from the surface w = 0.5 at the samples of one level, below 0 inside, at most [`BAND`] in size. Their unit
+/// is the level's spacing, and they are rounded to 1/4096 of it. Nodes beyond the band are uniform. Bricks are made when they
+/// are asked for.
+pub struct DistanceTree<'a> {
+    sides: Sides<'a>,
+    surface: &'a Surface,
+    level: u8,
+    /// Cells of the deepest level between two samples.
+    step: f64,
+    nodes: BTreeMap<NodeKey, NodeInfo>,
+}
+
+impl<'a> DistanceTree<'a> {
+    /// Of a tree and its surface, at a level.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if there is no surface or no such level; what reading gives; [`Error::Interrupted`].
+    pub fn new(
+        tree: &'a dyn BrickTree,
+        surface: &'a Surface,
+        level: u8,
+        progress: &dyn Progress,
+    ) -> Result<DistanceTree<'a>> {
+        surface.require_any()?;
+        let deepest = tree.deepest_level();
+        if level > deepest {
+            let what = format!("there is no level {level}, the deepest is {deepest}");
+            return Err(Error::setting(what, format!("choose a level from 0 to {deepest}")));
+        }
+        let step = f64::from(1u32 << (deepest - level));
+        let sides = Sides::new(tree)?;
+        let mut made = DistanceTree { sides, surface, level, step, nodes: BTreeMap::new() };
+        progress.phase("finding the band", None, "nodes");
+        let mut nodes = BTreeMap::new();
+        made.divide(NodeKey::ROOT, &mut nodes, progress)?;
+        made.nodes = nodes;
+        Ok(made)
+    }
+
+    fn divide(
+        &self,
+        key: NodeKey,
+        nodes: &mut BTreeMap<NodeKey, NodeInfo>,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        progress.check()?;
+        let far = self.beyond(key)?;
+        let leaf = far.is_some() || key.level() == self.level;
+        let (min, max) = far.map_or((-BAND, BAND), |side| (side, side));
+        nodes.insert(key, NodeInfo { leaf, min, max, fractions: far.is_none() });
+        if !leaf {
+            Octant::all().try_for_each(|octant| self.divide(key.child(octant), nodes, progress))?;
+        }
+        Ok(())
+    }
+
+    /// What all samples of a node are, if it is beyond the band.
+    fn beyond(&self, key: NodeKey) -> Result<Option<i16>> {
+        let size = self.step * f64::from(BRICK_CELLS as u32) * f64::from(1u32 << (self.level - key.level()));
+        let middle = key.position().map(|p| (f64::from(p) + 0.5) * size);
+        let reach = 0.5 * 3f64.sqrt() * size + f64::from(BAND) * self.step + CERTAIN;
+        if self.surface.closest(middle, reach)?.is_some() {
+            return Ok(None);
+        }
+        let inside = self.sides.inside(middle, reach, false)?;
+        Ok(Some(if inside { -BAND } else { BAND }))
+    }
+
+    /// The signed distance at a sample, in cells, of a foot within the band or none.
+    fn signed(&self, at: [f64; 3], foot: Option<Foot>) -> Result<f64> {
+        let band = f64::from(BAND) * self.step;
+        let inside = match (self.sides.sample(at.map(|c| c as i64))?, foot) {
+            (Some(inside), _) => inside,
+            (None, Some(foot)) => foot.inside,
+            // In a coarser leaf, where there is no sample.
+            (None, None) => self.surface.closest(at, f64::INFINITY)?.is_some_and(|foot| foot.inside),
+        };
+        let distance = foot.map_or(band, |foot| foot.distance.min(band));
+        Ok(if inside { -distance } else { distance })
+    }
+
+    /// Fills a box of samples of a brick whose first sample lies at `first`; the surface is within so many cells of its middle.
+    fn fill(
+        &self,
+        samples: &mut Samples,
+        first: [f64; 3],
+        [low, high]: [[usize; 3]; 2],
+        within: f64,
+    ) -> Result<()> {
+        let place = |ijk: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| first[a] + ijk[a] * self.step) };
+        let middle = |low: [usize; 3], high: [usize; 3]| {
+            place(std::array::from_fn(|a| 0.5 * (low[a] + high[a] - 1) as f64))
+        };
+        let here = middle(low, high);
+        let one = f64::from(1u32 << PLACES);
+        let band = f64::from(BAND) * self.step;
+        if (0..3).all(|a| high[a] - low[a] == 1) {
+            let foot = self.surface.closest(here, within.min(band + CERTAIN))?;
+            samples.0[point_index(low)] = (self.signed(here, foot)? / self.step * one).round() as i16;
+            return Ok(());
+        }
+        let sides: [f64; 3] = std::array::from_fn(|a| (high[a] - low[a] - 1) as f64 * self.step);
+        let reach = 0.5 * dot(sides, sides).sqrt() + band + CERTAIN;
+        let Some(foot) = self.surface.closest(here, within.min(reach))? else {
+            let corner = place(low.map(|c| c as f64));
+            let side = (self.signed(corner, None)? / self.step * one) as i16;
+            for k in low[2]..high[2] {
+                for j in low[1]..high[1] {
+                    let row = point_index([low[0], j, k]);
+                    samples.0[row..row + high[0] - low[0]].fill(side);
+                }
+            }
+            return Ok(());
+        };
+        let axis = (0..3).max_by_key(|&a| high[a] - low[a]).unwrap_or(0);
+        let cut = usize::midpoint(low[axis], high[axis]);
+        for upper in [false, true] {
+            let (mut from, mut to) = (low, high);
+            if upper {
+                from[axis] = cut
+            } else {
+                to[axis] = cut
+            }
+            let away = crate::lattice::minus(middle(from, to), here);
+            self.fill(samples, first, [from, to], foot.distance + dot(away, away).sqrt() + CERTAIN)?;
+        }
+        Ok(())
+    }
+}
+
+impl BrickTree for DistanceTree<'_> {
+    fn root(&self) -> RootCube {
+        self.surface.root()
+    }
+
+    fn node(&self, key: NodeKey) -> Option<NodeInfo> {
+        self.nodes.get(&key).copied()
+    }
+
+    fn keys(&self) -> Vec<NodeKey> {
+        self.nodes.keys().copied().collect()
+    }
+
+    fn deepest_level(&self) -> u8 {
+        self.level
+    }
+
+    /// Of an interior node all samples are 0: nothing is drawn of it.
+    fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
+        if let Some(side) = self.node(key).and_then(|node| node.uniform()) {
+            return Ok(Arc::new(Brick::Uniform(side)));
+        }
+        let mut samples = Samples::fractions(PLACES);
+        debug_assert_eq!(samples.0.len(), POINTS);
+        if key.level() == self.level {
+            let first = key.position().map(|p| f64::from(p) * f64::from(BRICK_CELLS as u32) * self.step);
+            self.fill(&mut samples, first, [[0; 3], [BRICK_POINTS; 3]], f64::INFINITY)?;
+        }
+        Ok(Arc::new(Brick::Counts { samples, hermite: Hermite::default() }))
+    }
+}
