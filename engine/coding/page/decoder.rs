@@ -2,7 +2,7 @@
 //!
 //! The page writes a file's bytes to where [`input`] says, and reads splats from where [`output`] does.
 
-use brickfield_coding::bsp::{Cell, Clip, Entry, Piece, Splat, Tree, PAIRS};
+use brickfield_coding::bsp::{Cell, Clip, Entry, NodeCells, Splat, SplatTree, PAIRS};
 use std::cell::RefCell;
 
 thread_local! {
@@ -12,7 +12,7 @@ thread_local! {
 struct State {
     input: Vec<u8>,
     output: Vec<u32>,
-    tree: Option<Tree>,
+    tree: Option<SplatTree>,
     /// Whether each unit was taken in.
     loaded: Vec<bool>,
 }
@@ -33,7 +33,7 @@ pub extern "C" fn input(bytes: usize) -> usize {
 pub extern "C" fn open() -> u32 {
     STATE.with(|state| {
         let state = &mut *state.borrow_mut();
-        state.tree = Tree::open(&state.input).ok();
+        state.tree = SplatTree::open(&state.input).ok();
         state.loaded = vec![false; state.tree.as_ref().map_or(0, |tree| tree.entries().len())];
         u32::from(state.tree.is_some())
     })
@@ -99,7 +99,7 @@ pub extern "C" fn output() -> usize {
     STATE.with(|state| state.borrow().output.as_ptr() as usize)
 }
 
-fn put(output: &mut Vec<u32>, key: u64, level: u32, piece: &Piece<Splat>, cell: &Cell) {
+fn put(output: &mut Vec<u32>, key: u64, level: u32, piece: &NodeCells<Splat>, cell: &Cell) {
     let mut at = cell.at.map(u32::from);
     for bit in 0..level {
         for (axis, place) in at.iter_mut().enumerate() {
