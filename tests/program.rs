@@ -43,5 +43,6 @@ mod program {
     mod view;
     mod voids;
     mod volume_files;
+    mod volume_inputs;
     mod volumes;
 }

@@ -54,7 +54,7 @@
 //! | [`distance`] | wall thickness, offsets, deviations |
 //! | [`csg`], [`machining`], [`milling`] | Booleans of stores and solids; what milling programs take off |
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
-//! | [`export`] | volumes in the files of other tools |
+//! | [`export`], [`import`] | volumes in the files of other tools |
 //! | [`splats`], [`bsp`] | parts as small clipped planes, level by level, and files of them |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
@@ -83,7 +83,7 @@ pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_coding::bsp;
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
-pub use brickfield_export::export;
+pub use brickfield_export::{export, import};
 pub use brickfield_gpu::gpu;
 pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;

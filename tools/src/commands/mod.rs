@@ -4,6 +4,7 @@ mod balance;
 pub mod beads;
 pub mod build;
 mod build_report;
+mod build_volume;
 pub mod cache;
 pub mod csg;
 pub mod deviation;

@@ -7,6 +7,7 @@ mod ahead;
 mod begin;
 mod cache;
 mod commit;
+mod divide;
 mod fault;
 mod identity;
 mod index;
@@ -30,6 +31,7 @@ mod writer;
 pub use ahead::Walk;
 pub use cache::BrickCache;
 pub use cache::CacheStats;
+pub use divide::{Divided, write_divided};
 pub use identity::{
     BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,
 };
