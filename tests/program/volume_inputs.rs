@@ -131,6 +131,11 @@ fn what_cannot_be_read_is_told_in_one_line() {
     };
     let ball = |p: [f64; 3]| (length(p.map(|c| c - 4.0)) < 3.0) as u8 as f32;
     let good = array(&dir, "g.npy", 9, HERE, ball);
+    let info = run(&[&"info", &good]).ok();
+    assert!(
+        info.contains("9 × 9 × 9 of type <f4") && info.contains("(-5.000000, 1.000000, 2.500000)"),
+        "{info}"
+    );
     build(&good, &[]).ok();
     std::fs::remove_file(&out).unwrap();
     assert!(build(&good, &["--depth", "3"]).misused().contains("lattice is that of the volume"));

@@ -15,6 +15,7 @@ mod info_devices;
 mod info_mesh;
 mod info_three_mf;
 mod info_toolpath;
+mod info_volume;
 mod info_x3d;
 pub mod layers;
 pub mod machine;

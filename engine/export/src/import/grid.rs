@@ -28,6 +28,20 @@ impl Number {
         }
     }
 
+    /// NumPy's name.
+    fn numpy(self) -> &'static str {
+        match self {
+            Number::I8 => "i1",
+            Number::U8 => "u1",
+            Number::I16 => "<i2",
+            Number::U16 => "<u2",
+            Number::I32 => "<i4",
+            Number::U32 => "<u4",
+            Number::F32 => "<f4",
+            Number::F64 => "<f8",
+        }
+    }
+
     /// By NumPy's name.
     pub fn of_numpy(name: &str) -> Option<Number> {
         Some(match name.trim_start_matches(['<', '|', '=']) {
@@ -119,6 +133,11 @@ impl Grid {
     /// Whether the file says that its values are distances.
     pub fn holds_distances(&self) -> bool {
         self.place.holds_distances
+    }
+
+    /// NumPy's name of the type of the values.
+    pub fn type_name(&self) -> &'static str {
+        self.number.numpy()
     }
 
     /// What the file is, as in "NumPy volume".
