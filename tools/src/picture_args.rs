@@ -2,6 +2,7 @@
 
 use crate::args::IoArg;
 use crate::devices::{BackendArg, BackendArgs};
+use crate::finding_args::{FindingArgs, ShownArg};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{BoxArg, Length, Position, Size, Tolerance, Unit};
 use crate::work::WorkArgs;
@@ -229,9 +230,9 @@ pub struct RenderArgs {
     /// --level choose their size
     #[arg(long, conflicts_with_all = ["preview", "turntable", "style", "backend", "device", "gpu_memory"])]
     pub splats: bool,
-    /// What is shown: solid, boundary, overlap, or what a file says
+    /// What is shown: solid, boundary, overlap, what a file says, or what is found: voids, thickness, deviation
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "solid")]
-    pub style: StyleArg,
+    pub style: ShownArg,
     /// From where: iso, top, bottom, front, back, left, right; or degrees from the x axis towards y, and above the xy
     /// plane, as in 30,20
     #[arg(long, value_name = "NAME|AZ,EL", default_value = "iso", allow_hyphen_values = true)]
@@ -272,6 +273,8 @@ pub struct RenderArgs {
     pub memory: Size,
     #[command(flatten)]
     pub draws: DrawArgs,
+    #[command(flatten)]
+    pub finding: FindingArgs,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

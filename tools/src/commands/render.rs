@@ -1,15 +1,17 @@
 //! `brickfield render`: the part in space as a picture, or as pictures from all around.
 
+use super::findings::{Found, require_own_options, search};
 use super::{make_folder, no_unit, of_store, open_store, require_level, start};
-use crate::devices::choose;
+use crate::devices::{BackendArg, choose};
 use crate::failure::Failure;
+use crate::finding_args::ShownArg;
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs, StyleArg};
 use crate::style_file::{self, StyleFile};
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{
-    Caster, CasterReport, Cut, RenderOptions, Scene, View, write_frame, write_turn,
+    Caster, CasterReport, Cut, RenderOptions, Scene, Style, View, write_frame, write_turn,
 };
 use brickfield_engine::store::{Accept, Store};
 use serde_json::json;
@@ -69,7 +71,16 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut started = Instant::now();
     let kind = Kind::of(args)?;
     let bars = start(args.work)?;
-    let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
+    require_own_options(args)?;
+    let device = match args.style {
+        // Colours of their own are the processor's.
+        ShownArg::Finding(_) if args.draws.backend == BackendArg::Vulkan => {
+            let what = "the processor draws voids, thickness and deviations; leave --backend vulkan out";
+            return Err(Failure::Usage(what.to_owned()));
+        }
+        ShownArg::Finding(_) => None,
+        ShownArg::Style(_) => choose(&args.draws.backend(), Some(args.memory), None)?.device(),
+    };
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, Accept::Whole)?;
     let is_animated = kind == Kind::Animation;
     let caches = memory::render_caches(args.memory, device.as_ref(), &store, args.size.0, is_animated);
@@ -79,9 +90,25 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let outputs: Vec<&Path> =
         [Some(&args.output), args.preview.as_ref()].into_iter().flatten().map(AsRef::as_ref).collect();
     require_distinct(&outputs, &[&args.store])?;
-    let options = options(args, &store, caches - BRICK_CACHE_BYTES)?;
+    let found = match args.style {
+        ShownArg::Finding(finding) => Some(search(args, finding, &store, &bars)?),
+        ShownArg::Style(_) => None,
+    };
+    let held = found.as_ref().map_or(0, |found| found.bytes(args.memory.0));
+    let caches = (caches - BRICK_CACHE_BYTES).saturating_sub(held).max(BRICK_CACHE_BYTES);
+    // Labels are asked for beside bricks.
+    let (label_bytes, brick_bytes) = if found.is_some() { (caches / 4, caches / 4 * 3) } else { (0, caches) };
+    let options = options(args, &store, found.as_ref().map(Found::style), brick_bytes)?;
     let refused = |error| of_store(&store, "picture", error);
-    let scene = Scene::new(&store, &options).map_err(refused)?;
+    let sides = found.as_ref().map(Found::sides).transpose()?.flatten();
+    let tint = found.as_ref().map(|found| found.tint(&store, sides.as_ref(), label_bytes));
+    let mut scene = Scene::new(&store, &options).map_err(refused)?;
+    if let (Some(tint), Some(found)) = (&tint, &found) {
+        scene = scene.tinted(&**tint);
+        if !args.finding.no_legend {
+            scene = scene.with_legend(found.legend(&store, options.size[0]));
+        }
+    }
     let mut caster = device.as_ref().map(|device| Caster::new(&scene, device.gpu()));
     let mut made = 0;
     let mut say = |path: &Path, frames: Option<u32>, caster: Option<&Caster<'_>>| {
@@ -90,7 +117,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         made += bricks;
         let seconds = started.elapsed().as_secs_f64();
         started = Instant::now();
-        let drawn = Drawn { path, size: options.size, frames, bricks, seconds };
+        let drawn = Drawn { path, size: scene.file_size(), frames, bricks, seconds };
         drawn.say(args, caster.map(Caster::report))
     };
     match kind {
@@ -186,12 +213,19 @@ pub(super) fn view(args: &RenderArgs) -> Result<View, Failure> {
     Ok(View { opening, ..args.view.0 })
 }
 
-fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderOptions, Failure> {
+fn options(
+    args: &RenderArgs,
+    store: &Store,
+    found: Option<Style>,
+    cache_bytes: u64,
+) -> Result<RenderOptions, Failure> {
     let meta = store.meta();
     let (view, cuts) = (view(args)?, cuts(args, &meta.unit)?);
-    let StyleFile { style, background } = match &args.style {
-        StyleArg::Named(style) => StyleFile { style: style(), background: None },
-        StyleArg::File(path) => style_file::read(path, &meta.unit)?,
+    let StyleFile { style, background } = match (&args.style, found) {
+        (_, Some(style)) => StyleFile { style, background: None },
+        (ShownArg::Style(StyleArg::File(path)), _) => style_file::read(path, &meta.unit)?,
+        (ShownArg::Style(StyleArg::Named(style)), _) => StyleFile { style: style(), background: None },
+        (ShownArg::Finding(_), None) => unreachable!("it was searched"),
     };
     let ColourArg(background) = args.background.or(background).unwrap_or(ColourArg([255; 4]));
     Ok(RenderOptions {

@@ -128,6 +128,7 @@ impl<'s> Frame<'s> {
         let mut pixels = Vec::with_capacity((width * height) as usize);
         for pixel in 0..width * height {
             parts.clear();
+            tracer.begin_pixel();
             let mut nearest = f64::INFINITY;
             for ray in 0..rays * rays {
                 let offset = |n: u32| (f64::from(n) + 0.5) / f64::from(rays);

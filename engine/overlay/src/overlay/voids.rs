@@ -1,0 +1,57 @@
+//! Voids, each in a colour of its own.
+
+use super::{Met, Tint};
+use crate::error::Result;
+use crate::lattice::{NodeKey, RootCube};
+use crate::store::BrickTree;
+use crate::voids::{VoidPlaces, Voids};
+
+/// How far beyond the boundary the void is asked for, in cells: away from the samples of a void behind a thin wall.
+const BEYOND: f64 = 0.35;
+
+/// Colours the boundary of each void, and nothing else.
+pub struct VoidTint<'a> {
+    places: VoidPlaces<'a>,
+    root: RootCube,
+    colours: Vec<Option<[u8; 3]>>,
+}
+
+impl<'a> VoidTint<'a> {
+    /// Of the voids that were found in a tree, with a colour for each in their order, or none for those
+    /// that are not shown. What is read is kept in so many bytes.
+    pub fn new(
+        tree: &'a dyn BrickTree,
+        found: &'a Voids,
+        colours: Vec<Option<[u8; 3]>>,
+        cache_bytes: u64,
+    ) -> VoidTint<'a> {
+        VoidTint { places: VoidPlaces::new(tree, found, cache_bytes), root: tree.root(), colours }
+    }
+
+    /// The colour at a world position in void; `None` outside of all voids.
+    ///
+    /// # Errors
+    /// What reading the tree gives.
+    pub fn at(&self, world: [f64; 3]) -> Result<Option<[u8; 3]>> {
+        let number = self.places.number(self.root.from_first_sample(world))?;
+        Ok((number as usize).checked_sub(1).and_then(|void| self.colours.get(void).copied().flatten()))
+    }
+}
+
+impl Tint for VoidTint<'_> {
+    fn colour(&self, met: Met) -> Result<Option<[u8; 3]>> {
+        if !self.places.any_in(met.key) {
+            return Ok(None);
+        }
+        let step = BEYOND * self.root.spacing(met.key.level());
+        self.at(std::array::from_fn(|a| met.at[a] + step * met.normal[a]))
+    }
+
+    fn is_slow(&self) -> bool {
+        false
+    }
+
+    fn is_plain(&self, key: NodeKey) -> bool {
+        !self.places.any_in(key)
+    }
+}
