@@ -9,10 +9,13 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 /// What an analysis finds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Finding {
+    /// Voids, each in a colour
     Voids,
+    /// How thick walls are, or how wide gaps
     Thickness,
+    /// How far the surface is from a reference
     Deviation,
 }
 
@@ -105,9 +108,6 @@ pub struct FindingArgs {
     /// Of deviation: how the part is laid over the reference, as in `deviation` [default: none]
     #[arg(long, value_enum)]
     pub align: Option<AlignArg>,
-    /// Leave out the legend below the picture
-    #[arg(long)]
-    pub no_legend: bool,
     /// Folder of a temporary file for what of surfaces does not fit into memory; the output's own by default
     #[arg(long, value_name = "DIR")]
     pub temp_dir: Option<PathBuf>,

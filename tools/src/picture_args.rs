@@ -2,7 +2,7 @@
 
 use crate::args::IoArg;
 use crate::devices::{BackendArg, BackendArgs};
-use crate::finding_args::{FindingArgs, ShownArg};
+use crate::finding_args::{Finding, FindingArgs, ShownArg};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{BoxArg, Length, Position, Size, Tolerance, Unit};
 use crate::work::WorkArgs;
@@ -91,6 +91,12 @@ pub struct SliceArgs {
     /// the larger void's
     #[arg(long, value_name = "VOIDS.csv|.json")]
     pub voids: Option<PathBuf>,
+    /// Show what is found in the place of w: voids filled, with their numbers; thickness or deviation in a band along the
+    /// surface
+    #[arg(long, value_enum, conflicts_with_all = ["voids", "level"])]
+    pub style: Option<Finding>,
+    #[command(flatten)]
+    pub finding: FindingArgs,
     /// Deepest level to use
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
@@ -275,6 +281,9 @@ pub struct RenderArgs {
     pub draws: DrawArgs,
     #[command(flatten)]
     pub finding: FindingArgs,
+    /// Leave out the legend that stands below pictures of what is found
+    #[arg(long)]
+    pub no_legend: bool,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

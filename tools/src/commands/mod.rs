@@ -8,6 +8,7 @@ pub mod cache;
 pub mod csg;
 pub mod deviation;
 pub mod export;
+mod finding_colours;
 mod findings;
 pub mod info;
 mod info_cloud;

@@ -1,6 +1,6 @@
 //! `brickfield render`: the part in space as a picture, or as pictures from all around.
 
-use super::findings::{Found, require_own_options, search};
+use super::findings::{Found, Search, require_own_options, search};
 use super::{make_folder, no_unit, of_store, open_store, require_level, start};
 use crate::devices::{BackendArg, choose};
 use crate::failure::Failure;
@@ -71,7 +71,18 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut started = Instant::now();
     let kind = Kind::of(args)?;
     let bars = start(args.work)?;
-    require_own_options(args)?;
+    let wanted = Search {
+        shown: match &args.style {
+            ShownArg::Finding(finding) => Some(*finding),
+            ShownArg::Style(_) => None,
+        },
+        finding: &args.finding,
+        output: &args.output,
+        memory: args.memory.0,
+        io: args.io,
+        quiet: args.work.quiet,
+    };
+    require_own_options(&wanted)?;
     let device = match args.style {
         // Colours of their own are the processor's.
         ShownArg::Finding(_) if args.draws.backend == BackendArg::Vulkan => {
@@ -90,10 +101,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let outputs: Vec<&Path> =
         [Some(&args.output), args.preview.as_ref()].into_iter().flatten().map(AsRef::as_ref).collect();
     require_distinct(&outputs, &[&args.store])?;
-    let found = match args.style {
-        ShownArg::Finding(finding) => Some(search(args, finding, &store, &bars)?),
-        ShownArg::Style(_) => None,
-    };
+    let found = search(&wanted, &store, &bars)?;
     let held = found.as_ref().map_or(0, |found| found.bytes(args.memory.0));
     let caches = (caches - BRICK_CACHE_BYTES).saturating_sub(held).max(BRICK_CACHE_BYTES);
     // Labels are asked for beside bricks.
@@ -101,12 +109,12 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let options = options(args, &store, found.as_ref().map(Found::style), brick_bytes)?;
     let refused = |error| of_store(&store, "picture", error);
     let sides = found.as_ref().map(Found::sides).transpose()?.flatten();
-    let tint = found.as_ref().map(|found| found.tint(&store, sides.as_ref(), label_bytes));
+    let colours = found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes));
     let mut scene = Scene::new(&store, &options).map_err(refused)?;
-    if let (Some(tint), Some(found)) = (&tint, &found) {
-        scene = scene.tinted(&**tint);
-        if !args.finding.no_legend {
-            scene = scene.with_legend(found.legend(&store, options.size[0]));
+    if let (Some(colours), Some(found)) = (&colours, &found) {
+        scene = scene.tinted(colours.tint());
+        if !args.no_legend {
+            scene = scene.with_legend(found.legend(&store, options.size[0] as usize));
         }
     }
     let mut caster = device.as_ref().map(|device| Caster::new(&scene, device.gpu()));

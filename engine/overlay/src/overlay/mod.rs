@@ -7,14 +7,20 @@
 //! |---|---|
 //! | `voids` | voids, each in a colour of its own |
 //! | `measures` | thickness and deviation at the point that is seen |
+//! | `sections` | the same in plane sections |
+//! | `numbers` | where in a section the number of each void stands |
 //! | `scale` | which colour stands for a number |
 
 mod measures;
+mod numbers;
 mod scale;
+mod sections;
 mod voids;
 
 pub use measures::{DeviationTint, ThicknessTint, usual_deviation, usual_thickness};
+pub use numbers::numbers_in;
 pub use scale::{DeviationScale, ThicknessScale, class_colour, rounded_up, size_along, size_colour};
+pub use sections::BandTint;
 pub use voids::VoidTint;
 
 use crate::render::{Met, Tint};

@@ -28,12 +28,22 @@ impl<'a> VoidTint<'a> {
         VoidTint { places: VoidPlaces::new(tree, found, cache_bytes), root: tree.root(), colours }
     }
 
+    /// The number of the void at a world position in void; 0 outside of all, and of those that are not shown.
+    ///
+    /// # Errors
+    /// What reading the tree gives.
+    pub fn number(&self, world: [f64; 3]) -> Result<u32> {
+        let number = self.places.number(self.root.from_first_sample(world))?;
+        let is_shown = number > 0 && self.colours.get(number as usize - 1).is_some_and(Option::is_some);
+        Ok(if is_shown { number } else { 0 })
+    }
+
     /// The colour at a world position in void; `None` outside of all voids.
     ///
     /// # Errors
     /// What reading the tree gives.
     pub fn at(&self, world: [f64; 3]) -> Result<Option<[u8; 3]>> {
-        let number = self.places.number(self.root.from_first_sample(world))?;
+        let number = self.number(world)?;
         Ok((number as usize).checked_sub(1).and_then(|void| self.colours.get(void).copied().flatten()))
     }
 }

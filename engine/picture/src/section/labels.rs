@@ -16,6 +16,13 @@ pub struct SectionLabel {
     pub text: String,
 }
 
+impl SectionLabel {
+    /// Pixels that a word takes.
+    pub fn size(text: &str) -> [usize; 2] {
+        [text_width(text, DOT) + 2 * MARGIN, GLYPH_HEIGHT * DOT + 2 * MARGIN]
+    }
+}
+
 /// The pixels of a word, with the upper left one of the picture that they cover first.
 pub(super) struct Mark {
     at: [usize; 2],
@@ -47,7 +54,7 @@ pub(super) fn marks(
 ) -> Vec<Mark> {
     let mut marks: Vec<Mark> = Vec::new();
     for label in labels {
-        let word = [text_width(&label.text, DOT) + 2 * MARGIN, GLYPH_HEIGHT * DOT + 2 * MARGIN];
+        let word = SectionLabel::size(&label.text);
         let middle = place(label.at);
         let inside = (0..2).all(|a| middle[a] >= 0.0 && middle[a] < size[a] as f64);
         if !inside || (0..2).any(|a| word[a] > size[a]) {

@@ -32,6 +32,9 @@ pub use contour::{ContourLimits, contour};
 pub use drawing::{Drawing, write_drawing};
 pub use join::Contour;
 pub use labels::SectionLabel;
-pub use picture::{SectionPicture, SectionSummary, plain, write_picture};
+pub use picture::{
+    SectionPicture, SectionSummary, SectionTint, SectionValues, Tinted, plain, section_values, write_picture,
+    write_tinted_picture,
+};
 pub use plane::Plane;
 pub use straighten::straighten;
