@@ -183,22 +183,24 @@ fn bands_of_sections_have_the_colours_of_thickness_and_deviation() {
 #[test]
 fn pictures_of_findings_have_the_same_bytes_for_any_threads() {
     let dir = Scratch::new();
-    let (store, reference) = (block(&dir), dir.path("block.stl"));
+    let plate = shapes::cuboid([0.0; 3], [10.0, 6.0, 1.0]).rotated([1.0, 2.0, 3.0], 0.3);
+    let (block, plate, reference) =
+        (block(&dir), build(&dir, "plate", &[plate], &["--cell", "0.3"]), dir.path("plate.stl"));
     let deviation =
         ["render", "--style", "deviation", "--reference", reference.to_str().unwrap(), "--size", "60x40"];
-    let cases: [&[&str]; 6] = [
-        &["render", "--style", "voids", "--size", "90x60", "--perspective"],
-        &["render", "--style", "thickness", "--size", "48x32", "--method", "ray"],
-        &deviation,
-        &["slice", "--style", "voids", "--z", "8", "--side", "200"],
-        &["slice", "--style", "thickness", "--z", "8", "--side", "60", "--below", "4mm"],
-        &["render", "--style", "voids", "--size", "30x20", "--turntable", "2"],
+    let cases: [(&Path, &[&str]); 6] = [
+        (&block, &["render", "--style", "voids", "--size", "60x40", "--perspective"]),
+        (&plate, &["render", "--style", "thickness", "--size", "48x32", "--method", "ray"]),
+        (&plate, &deviation),
+        (&block, &["slice", "--style", "voids", "--z", "8", "--side", "100"]),
+        (&plate, &["slice", "--style", "thickness", "--z", "0.5", "--side", "60", "--below", "4mm"]),
+        (&block, &["render", "--style", "voids", "--size", "30x20", "--turntable", "2"]),
     ];
-    for case in cases {
+    for (store, case) in cases {
         let is_turn = case.contains(&"--turntable");
         let made = |more: &[&str]| {
             let out = dir.path(if is_turn { "a.apng" } else { "a.png" });
-            draw(case[0], &store, &out, &[&case[1..], more].concat());
+            draw(case[0], store, &out, &[&case[1..], more].concat());
             std::fs::read(out).unwrap()
         };
         let one = made(&["--threads", "1"]);

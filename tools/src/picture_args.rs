@@ -29,12 +29,19 @@ left. Corners lie where the boundary crosses the finest lattice, and where it be
 holds samples, between two layers of samples from the crossings around and their normals. Straight runs are merged \
 (--merge-tolerance).
 
+With --style a picture shows what analyses find: voids filled, with the numbers that `voids` prints, or thickness or deviation in \
+a band of 5 pixels along the surface, at its nearest point. The part is grey then.
+
+Numbers that would cover each other are left \
+out, the smaller void's first; those of voids that are too small for them stand beside.
+
 The area of every section is printed with what it may be off by: the areas between the chords and the tangents of the \
 boundary at its crossings with the lattice. What hides between samples, as a tip thinner than a cell, is not in it.
 
 Examples:
   brickfield slice part.brf --z 12.3mm -o section.png
   brickfield slice part.brf --z 12.3mm -o section.dxf
+  brickfield slice part.brf --z 12.3mm -o voids.png --style voids
   brickfield slice print.brf --layer 17 -o section.svg
   brickfield slice part.brf --all z --pitch 0.2mm -o layers --format svg")]
 pub struct SliceArgs {
@@ -184,6 +191,12 @@ Levels of detail: where the cells of a coarser level are smaller than --lod pixe
 No node stands for others where the index says that a wall, a gap or an overlap below passes between all of its samples. \
 --lod 0 draws the finest cells everywhere.
 
+What analyses find is shown by the processor: voids, each in a colour within a haze, with the numbers and classes of `voids`; thickness and deviation, measured at \
+each point that is seen as `thickness` and `deviation` do it. \
+Where a cut opens the part it is grey then.
+
+Voids with less --memory may have no class, as in the table. Voids that open through a throat are not shown.
+
 Styles: solid shows the boundary w = 0.5, and where a cut opens the part, how many pieces cover each point. boundary shows w \
 between 0 and 1 in rainbow colours, so that closed voids are seen within. overlap shows where w is 2 or more within a faint \
 boundary.
@@ -213,7 +226,9 @@ A file that ends in .toml makes another, of surfaces where w passes a number abo
 Examples:
   brickfield render part.brf -o view.png
   brickfield render part.brf -o inside.png --cut 'z>12mm' --cut 'y<0' --perspective
-  brickfield render part.brf -o voids.png --style boundary --view 30,20 --size 1920x1080
+  brickfield render part.brf -o voids.png --style voids --classes pocket,flaw --size 1920x1080
+  brickfield render part.brf -o thin.png --style thickness --below 0.8mm
+  brickfield render part.brf -o off.png --style deviation --reference cad.stl --align shift --within 0.1mm
   brickfield render part.brf -o turn.apng --turntable 36 --style mine.toml
   brickfield render part.brf -o view.png --backend vulkan --gpu-memory 1GiB
   brickfield render part.bsp -o view.png --splats")]

@@ -65,12 +65,6 @@ impl Kind {
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
-    if args.splats {
-        return super::render_splats::run(args);
-    }
-    let mut started = Instant::now();
-    let kind = Kind::of(args)?;
-    let bars = start(args.work)?;
     let wanted = Search {
         shown: match &args.style {
             ShownArg::Finding(finding) => Some(*finding),
@@ -83,6 +77,16 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         quiet: args.work.quiet,
     };
     require_own_options(&wanted)?;
+    if args.no_legend && wanted.shown.is_none() {
+        let what = "--no-legend belongs to --style voids, thickness and deviation";
+        return Err(Failure::Usage(what.to_owned()));
+    }
+    if args.splats {
+        return super::render_splats::run(args);
+    }
+    let mut started = Instant::now();
+    let kind = Kind::of(args)?;
+    let bars = start(args.work)?;
     let device = match args.style {
         // Colours of their own are the processor's.
         ShownArg::Finding(_) if args.draws.backend == BackendArg::Vulkan => {
