@@ -3,7 +3,7 @@
 
 use crate::support::*;
 use brickfield_bench_data::{Mesh, shapes, write};
-use brickfield_engine::overlay::{DeviationScale, ThicknessScale, class_colour, size_along};
+use brickfield_engine::overlay::{Change, DeviationScale, ThicknessScale, class_colour, size_along};
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -178,6 +178,36 @@ fn bands_of_sections_have_the_colours_of_thickness_and_deviation() {
         ["--style", "thickness", "--below", "2mm", "--size", "40x30", "--view", "top", "--no-legend"];
     let top = draw("render", &store, &out, &thickness).middle();
     assert!(is_lit(top, colour), "{top:?}");
+}
+
+#[test]
+fn cuts_are_new_and_voids_that_they_open_are_marked() {
+    let dir = Scratch::new();
+    let (before, after, out) = (block(&dir), dir.path("cut.brf"), dir.path("c.png"));
+    // Through the large void, above the small one.
+    run(&[&"csg", &before, &"--minus", &"z>12", &"-o", &after, &"-q"]).ok();
+    let style =
+        ["--style", "changes", "--before", before.to_str().unwrap(), "--size", "30x20", "--no-legend"];
+    for (view, focus, expected) in [
+        ("top", "13.3,12.7,12,1", Change::Opened),
+        ("top", "3,15,12,1", Change::New),
+        ("top", "5.1,6.2,12,1", Change::New),
+        ("bottom", "10,10,0,1", Change::Kept),
+        ("front", "10,0,6,1", Change::Kept),
+    ] {
+        let seen = draw("render", &after, &out, &[&style[..], &["--view", view, "--focus", focus]].concat());
+        // Grey is grey whatever the light; the others differ from it by far.
+        assert!(is_lit(seen.middle(), expected.colour()), "{view} {focus}: {:?}", seen.middle());
+    }
+    // A bump is new, too.
+    let bump =
+        build(&dir, "bump", &[shapes::cuboid([8.0, 8.0, 19.0], [12.0, 12.0, 22.0])], &["--cell", "0.3"]);
+    run(&[&"csg", &before, &"--plus", &bump, &"-o", &dir.path("b.brf"), &"-q"]).failed();
+    let coarse = build(&dir, "coarse", &[shapes::cuboid([0.0; 3], [20.0; 3])], &["--depth", "1"]);
+    let line = run(&[&"render", &after, &"--style", &"changes", &"--before", &coarse, &"-o", &out]).failed();
+    assert!(line.contains("samples do not stand"), "{line}");
+    run(&[&"render", &after, &"--style", &"changes", &"-o", &out]).misused();
+    run(&[&"slice", &after, &"--z", &"5", &"--style", &"changes", &"-o", &out]).misused();
 }
 
 #[test]

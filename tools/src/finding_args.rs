@@ -17,12 +17,19 @@ pub enum Finding {
     Thickness,
     /// How far the surface is from a reference
     Deviation,
+    /// What is new since an earlier store
+    #[value(skip)]
+    Changes,
 }
 
 impl Finding {
     /// By their names as styles.
-    pub const NAMED: [(&'static str, Finding); 3] =
-        [("voids", Finding::Voids), ("thickness", Finding::Thickness), ("deviation", Finding::Deviation)];
+    pub const NAMED: [(&'static str, Finding); 4] = [
+        ("voids", Finding::Voids),
+        ("thickness", Finding::Thickness),
+        ("deviation", Finding::Deviation),
+        ("changes", Finding::Changes),
+    ];
 }
 
 /// What a picture in space shows.
@@ -43,7 +50,7 @@ impl FromStr for ShownArg {
         }
         let names = Finding::NAMED.map(|(name, _)| name).join(", ");
         let style = text.parse().map(ShownArg::Style);
-        style.map_err(|error: String| error.replacen("choose ", &format!("choose {names}, "), 1))
+        style.map_err(|error: String| format!("{error}; {names} show what is found"))
     }
 }
 
@@ -74,7 +81,7 @@ impl From<ClassArg> for Class {
     }
 }
 
-/// Options of `--style voids`, `thickness` and `deviation`.
+/// Options of `--style voids`, `thickness`, `deviation` and `changes`.
 #[derive(Args)]
 #[command(next_help_heading = "What is found")]
 pub struct FindingArgs {
@@ -108,6 +115,9 @@ pub struct FindingArgs {
     /// Of deviation: how the part is laid over the reference, as in `deviation` [default: none]
     #[arg(long, value_enum)]
     pub align: Option<AlignArg>,
+    /// Of changes: the store as it was before `csg` or `machine`, on the same lattice
+    #[arg(long, value_name = "PART.brf")]
+    pub before: Option<PathBuf>,
     /// Folder of a temporary file for what of surfaces does not fit into memory; the output's own by default
     #[arg(long, value_name = "DIR")]
     pub temp_dir: Option<PathBuf>,
@@ -116,7 +126,7 @@ pub struct FindingArgs {
 impl FindingArgs {
     /// Options that were given and belong to one kind of finding, with it.
     pub fn given(&self) -> impl Iterator<Item = (&'static str, Finding)> {
-        use Finding::{Deviation, Thickness, Voids};
+        use Finding::{Changes, Deviation, Thickness, Voids};
         let all = [
             (self.colour_by.is_some(), "--colour-by", Voids),
             (!self.classes.is_empty(), "--classes", Voids),
@@ -127,6 +137,7 @@ impl FindingArgs {
             (self.reference.is_some(), "--reference", Deviation),
             (self.within.is_some(), "--within", Deviation),
             (self.align.is_some(), "--align", Deviation),
+            (self.before.is_some(), "--before", Changes),
         ];
         all.into_iter().filter(|(is_given, ..)| *is_given).map(|(_, option, finding)| (option, finding))
     }

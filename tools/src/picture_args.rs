@@ -251,7 +251,8 @@ pub struct RenderArgs {
     /// --level choose their size
     #[arg(long, conflicts_with_all = ["preview", "turntable", "style", "backend", "device", "gpu_memory"])]
     pub splats: bool,
-    /// What is shown: solid, boundary, overlap, what a file says, or what is found: voids, thickness, deviation
+    /// What is shown: solid, boundary, overlap, what a file says, or what is found: voids, thickness, deviation,
+    /// changes
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "solid")]
     pub style: ShownArg,
     /// From where: iso, top, bottom, front, back, left, right; or degrees from the x axis towards y, and above the xy

@@ -6,5 +6,5 @@ pub mod overlay;
 
 use brickfield_analysis::{distance, voids};
 use brickfield_core::{error, lattice, progress};
-use brickfield_octree::store;
+use brickfield_octree::{brick, store};
 use brickfield_picture::{picture, render, section};

@@ -7,13 +7,16 @@ use crate::failure::Failure;
 use crate::finding_args::ColourByArg;
 use crate::progress::Bars;
 use brickfield_engine::distance::Sides;
+use brickfield_engine::lattice::NodeKey;
 use brickfield_engine::overlay::{
-    BandTint, DeviationScale, DeviationTint, ThicknessScale, ThicknessTint, VoidTint, class_colour,
-    numbers_in, size_along, size_colour,
+    BandTint, Change, ChangesTint, DeviationScale, DeviationTint, ThicknessScale, ThicknessTint, VoidTint,
+    class_colour, numbers_in, size_along, size_colour,
 };
 use brickfield_engine::picture::{Bar, Canvas, Legend};
 use brickfield_engine::render::{Style, Tint};
-use brickfield_engine::section::{SectionPicture, SectionSummary, Tinted, plain, write_tinted_picture};
+use brickfield_engine::section::{
+    SectionPicture, SectionSummary, Tinted, plain, write_picture, write_tinted_picture,
+};
 use brickfield_engine::store::{BrickTree, Store};
 use brickfield_engine::voids::{Class, Void};
 use std::path::Path;
@@ -26,6 +29,7 @@ pub(super) enum Colours<'a> {
     Voids(VoidTint<'a>),
     Thickness(ThicknessTint<'a>),
     Deviation(DeviationTint<'a>),
+    Changes(ChangesTint<'a>),
 }
 
 impl Colours<'_> {
@@ -35,6 +39,7 @@ impl Colours<'_> {
             Colours::Voids(tint) => tint,
             Colours::Thickness(tint) => tint,
             Colours::Deviation(tint) => tint,
+            Colours::Changes(tint) => tint,
         }
     }
 
@@ -62,6 +67,7 @@ impl Colours<'_> {
             Colours::Deviation(tint) => {
                 write(Tinted { tint: &BandTint::of_deviation(tint, width), legend }, what)
             }
+            Colours::Changes(_) => write_picture(store, what, path, bars),
         }
     }
 }
@@ -71,7 +77,7 @@ impl Found {
     pub fn style(&self) -> Style {
         match self {
             Found::Voids { .. } => Style::haze(),
-            Found::Thickness { .. } | Found::Deviation { .. } => Style::tinted(),
+            Found::Thickness { .. } | Found::Deviation { .. } | Found::Changes { .. } => Style::tinted(),
         }
     }
 
@@ -81,6 +87,7 @@ impl Found {
             Found::Voids { found, .. } => found.label_bytes(),
             Found::Thickness { .. } => memory / 4,
             Found::Deviation { .. } => memory / 2,
+            Found::Changes { voids, .. } => memory / 8 + voids.label_bytes(),
         }
     }
 
@@ -88,13 +95,18 @@ impl Found {
     pub fn sides(&self) -> Result<Option<Sides<'_>>, Failure> {
         match self {
             Found::Deviation { opened, .. } => opened.sides(),
-            Found::Voids { .. } | Found::Thickness { .. } => Ok(None),
+            Found::Voids { .. } | Found::Thickness { .. } | Found::Changes { .. } => Ok(None),
         }
     }
 
     /// Its colours.
-    pub fn colours<'a>(&'a self, store: &'a Store, sides: Option<&'a Sides<'a>>, bytes: u64) -> Colours<'a> {
-        match self {
+    pub fn colours<'a>(
+        &'a self,
+        store: &'a Store,
+        sides: Option<&'a Sides<'a>>,
+        bytes: u64,
+    ) -> Result<Colours<'a>, Failure> {
+        Ok(match self {
             Found::Voids { found, by, shown } => {
                 let most = found.voids.first().map_or(0.0, Void::equivalent_diameter);
                 let colour = |void: &Void| match by {
@@ -112,7 +124,13 @@ impl Found {
                 let reference = opened.reference(sides);
                 Colours::Deviation(DeviationTint { surface, reference, motion: *motion, scale: *scale })
             }
-        }
+            Found::Changes { before, voids } => {
+                // Which void it was has no colour.
+                let colours = vec![Some(Change::Opened.colour()); voids.voids.len()];
+                let voids = VoidTint::new(&**before, voids, colours, bytes / 4);
+                Colours::Changes(ChangesTint::new(store, &**before, voids, bytes / 4 * 3)?)
+            }
+        })
     }
 
     /// What its colours mean, for a picture of that width.
@@ -134,6 +152,12 @@ impl Found {
                 let swatches = if scale.is_limit { vec![(plain, beyond.to_owned())] } else { Vec::new() };
                 Legend { title, bar, swatches }.draw(width)
             }
+            Found::Changes { before, .. } => {
+                let is_told = ![store, before].into_iter().any(has_levels);
+                let told = Change::ALL.into_iter().filter(|change| !is_told || *change != Change::Untold);
+                let swatches = told.map(|change| (change.colour(), change.name().to_owned())).collect();
+                Legend { title: String::new(), bar: None, swatches }.draw(width)
+            }
             Found::Deviation { scale, .. } => {
                 let place = |value: f64| (0.5 + 0.5 * value / scale.most, plain(value));
                 let mut values = vec![-0.5 * scale.most, 0.0, 0.5 * scale.most];
@@ -151,6 +175,15 @@ impl Found {
             }
         }
     }
+}
+
+/// Whether the surface passes leaves of several levels, or of another than the deepest.
+fn has_levels(store: &Store) -> bool {
+    let is_coarse = |key: &NodeKey| {
+        let node = store.node(*key);
+        node.is_some_and(|node| node.leaf && node.uniform().is_none()) && key.level() < store.meta().depth
+    };
+    store.keys().iter().any(is_coarse)
 }
 
 fn legend_of_voids(

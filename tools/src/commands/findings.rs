@@ -1,12 +1,12 @@
 //! What analyses find, made ready for pictures: searched once, then a colour for every point that is seen.
 
 use super::deviation::{Compared, Opened, open_reference, require_alike};
-use super::{no_unit, require_whole_samples};
+use super::{no_unit, open_store, require_whole_samples};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, MeasureArg};
 use crate::failure::Failure;
 use crate::finding_args::{ColourByArg, Finding, FindingArgs};
-use crate::output::{in_line, note};
+use crate::output::{in_line, note, require_distinct};
 use crate::progress::Bars;
 use crate::units::Length;
 use anyhow::anyhow;
@@ -18,7 +18,7 @@ use brickfield_engine::overlay::{
     DeviationScale, ThicknessScale, rounded_up, usual_deviation, usual_thickness,
 };
 use brickfield_engine::part::{PartFile, directory_of};
-use brickfield_engine::store::Store;
+use brickfield_engine::store::{Accept, BrickTree, Store};
 use brickfield_engine::voids::{Class, Detail, Void, VoidOptions, Voids, find};
 use std::path::Path;
 
@@ -36,9 +36,27 @@ pub(super) struct Search<'a> {
 
 /// What was found in a store.
 pub(super) enum Found {
-    Voids { found: Box<Voids>, by: ColourByArg, shown: Vec<bool> },
-    Thickness { surface: Box<Surface>, options: Options, scale: ThicknessScale },
-    Deviation { surface: Box<Surface>, opened: Opened, motion: Motion, scale: DeviationScale },
+    Voids {
+        found: Box<Voids>,
+        by: ColourByArg,
+        shown: Vec<bool>,
+    },
+    Thickness {
+        surface: Box<Surface>,
+        options: Options,
+        scale: ThicknessScale,
+    },
+    Deviation {
+        surface: Box<Surface>,
+        opened: Opened,
+        motion: Motion,
+        scale: DeviationScale,
+    },
+    /// The store as it was, and its voids.
+    Changes {
+        before: Box<Store>,
+        voids: Box<Voids>,
+    },
 }
 
 /// Refuses options that belong to what is not shown.
@@ -51,6 +69,9 @@ pub(super) fn require_own_options(args: &Search<'_>) -> Result<(), Failure> {
     }
     if args.finding.range.is_some() && !matches!(shown, Some(Finding::Thickness | Finding::Deviation)) {
         return Err(Failure::Usage("--range belongs to --style thickness and deviation".to_owned()));
+    }
+    if shown == Some(Finding::Changes) && args.finding.before.is_none() {
+        return Err(Failure::Usage("--style changes needs --before, the store as it was".to_owned()));
     }
     if shown == Some(Finding::Deviation) && args.finding.reference.is_none() {
         return Err(Failure::Usage("--style deviation needs --reference, a mesh or a store".to_owned()));
@@ -80,6 +101,7 @@ pub(super) fn search(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Op
             Found::Thickness { surface: Box::new(surface), options, scale }
         }
         Finding::Deviation => deviation(args, store, bars)?,
+        Finding::Changes => changes(args, store, bars)?,
     }))
 }
 
@@ -116,6 +138,25 @@ fn length(length: Option<Length>, store: &Store) -> Result<Option<f64>, Failure>
 fn surface(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Surface, Failure> {
     let folder = args.finding.temp_dir.as_deref().unwrap_or(directory_of(args.output));
     Ok(Surface::new(store, args.memory / 4, folder, bars)?)
+}
+
+fn changes(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Found, Failure> {
+    let Some(path) = &args.finding.before else {
+        return Err(Failure::Usage("--style changes needs --before".to_owned()));
+    };
+    require_whole_samples(store, "what is new cannot be told")?;
+    require_distinct(&[args.output], &[path])?;
+    let before = open_store(path, args.memory / 8, args.io, Accept::Whole)?;
+    require_whole_samples(&before, "what is new cannot be told")?;
+    let lattice = |store: &Store| (store.root(), store.meta().depth, store.meta().unit.clone());
+    if lattice(&before) != lattice(store) {
+        let (name, own) = (in_line(path), in_line(store.path()));
+        let what = format!("its samples do not stand where those of {own} do");
+        return Err(anyhow!("{name}: {what}; give the store that `csg` or `machine` made it of").into());
+    }
+    let options = VoidOptions { memory: args.memory / 2, detail: Detail::Volumes, ..VoidOptions::default() };
+    let voids = find(&before, &options, bars)?;
+    Ok(Found::Changes { before: Box::new(before), voids: Box::new(voids) })
 }
 
 fn deviation(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Found, Failure> {

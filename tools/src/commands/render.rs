@@ -78,7 +78,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     };
     require_own_options(&wanted)?;
     if args.no_legend && wanted.shown.is_none() {
-        let what = "--no-legend belongs to --style voids, thickness and deviation";
+        let what = "--no-legend belongs to --style voids, thickness, deviation and changes";
         return Err(Failure::Usage(what.to_owned()));
     }
     if args.splats {
@@ -90,7 +90,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let device = match args.style {
         // Colours of their own are the processor's.
         ShownArg::Finding(_) if args.draws.backend == BackendArg::Vulkan => {
-            let what = "the processor draws voids, thickness and deviations; leave --backend vulkan out";
+            let what =
+                "the processor draws voids, thickness, deviations and changes; leave --backend vulkan out";
             return Err(Failure::Usage(what.to_owned()));
         }
         ShownArg::Finding(_) => None,
@@ -113,7 +114,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let options = options(args, &store, found.as_ref().map(Found::style), brick_bytes)?;
     let refused = |error| of_store(&store, "picture", error);
     let sides = found.as_ref().map(Found::sides).transpose()?.flatten();
-    let colours = found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes));
+    let colours =
+        found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes)).transpose()?;
     let mut scene = Scene::new(&store, &options).map_err(refused)?;
     if let (Some(colours), Some(found)) = (&colours, &found) {
         scene = scene.tinted(colours.tint());

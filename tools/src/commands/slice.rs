@@ -105,7 +105,7 @@ pub fn run(args: &SliceArgs) -> Result<(), Failure> {
     let left =
         left.saturating_sub(found.as_ref().map_or(0, |found| found.bytes(args.memory.0))).max(left / 4);
     let sides = found.as_ref().map(Found::sides).transpose()?.flatten();
-    let colours = found.as_ref().map(|found| found.colours(&store, sides.as_ref(), left / 2));
+    let colours = found.as_ref().map(|found| found.colours(&store, sides.as_ref(), left / 2)).transpose()?;
     let shown = found.as_ref().zip(colours.as_ref());
     for (plane, path) in sections {
         let said = plan.write((&store, shown), plane, &path, left, &bars)?;

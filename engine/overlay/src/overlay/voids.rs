@@ -43,18 +43,31 @@ impl<'a> VoidTint<'a> {
     /// # Errors
     /// What reading the tree gives.
     pub fn at(&self, world: [f64; 3]) -> Result<Option<[u8; 3]>> {
-        let number = self.number(world)?;
-        Ok((number as usize).checked_sub(1).and_then(|void| self.colours.get(void).copied().flatten()))
+        Ok(self.colour_of(self.number(world)?))
+    }
+
+    /// The number of the void just beyond a point of the boundary in a node, of which this is the outward unit normal; 0 if there
+    /// is none.
+    ///
+    /// # Errors
+    /// What reading the tree gives.
+    pub fn beyond(&self, key: NodeKey, world: [f64; 3], normal: [f64; 3]) -> Result<u32> {
+        if !self.places.any_in(key) {
+            return Ok(0);
+        }
+        let step = BEYOND * self.root.spacing(key.level());
+        self.number(std::array::from_fn(|a| world[a] + step * normal[a]))
+    }
+
+    fn colour_of(&self, number: u32) -> Option<[u8; 3]> {
+        (number as usize).checked_sub(1).and_then(|void| self.colours.get(void).copied().flatten())
     }
 }
 
 impl Tint for VoidTint<'_> {
     fn colour(&self, met: Met) -> Result<Option<[u8; 3]>> {
-        if !self.places.any_in(met.key) {
-            return Ok(None);
-        }
-        let step = BEYOND * self.root.spacing(met.key.level());
-        self.at(std::array::from_fn(|a| met.at[a] + step * met.normal[a]))
+        let number = self.beyond(met.key, met.at, met.normal)?;
+        Ok(self.colour_of(number))
     }
 
     fn is_slow(&self) -> bool {
