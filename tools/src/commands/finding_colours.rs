@@ -29,7 +29,7 @@ pub(super) enum Colours<'a> {
     Voids(VoidTint<'a>),
     Thickness(ThicknessTint<'a>),
     Deviation(DeviationTint<'a>),
-    Changes(ChangesTint<'a>),
+    Changes(Box<ChangesTint<'a>>),
 }
 
 impl Colours<'_> {
@@ -39,7 +39,7 @@ impl Colours<'_> {
             Colours::Voids(tint) => tint,
             Colours::Thickness(tint) => tint,
             Colours::Deviation(tint) => tint,
-            Colours::Changes(tint) => tint,
+            Colours::Changes(tint) => &**tint,
         }
     }
 
@@ -128,7 +128,7 @@ impl Found {
                 // Which void it was has no colour.
                 let colours = vec![Some(Change::Opened.colour()); voids.voids.len()];
                 let voids = VoidTint::new(&**before, voids, colours, bytes / 4);
-                Colours::Changes(ChangesTint::new(store, &**before, voids, bytes / 4 * 3)?)
+                Colours::Changes(Box::new(ChangesTint::new(store, &**before, voids, bytes / 4 * 3)?))
             }
         })
     }
