@@ -92,6 +92,41 @@ fn each_void_is_seen_where_the_table_has_it_in_the_colour_of_its_size() {
 }
 
 #[test]
+fn numbers_stand_at_the_voids_that_are_seen() {
+    let dir = Scratch::new();
+    let (store, out) = (block(&dir), dir.path("n.png"));
+    let style = ["--style", "voids", "--no-legend", "--size", "240x180"];
+    // From the direction in which the large void hides the small one there is one number, else there are two.
+    let black = |view: &str| {
+        let [bare, numbered] = [&[] as &[&str], &["--numbers"]].map(|more| {
+            draw("render", &store, &out, &[&style[..], &["--view", view], more].concat()).count([0; 3])
+        });
+        assert_eq!(bare, 0);
+        numbered
+    };
+    let (one, two) = (black("38,24"), black("-60,20"));
+    // Strokes of a 1, and of a 1 and a 2, of dots of 4 pixels.
+    assert!((30..=60).contains(&one) && (70..=130).contains(&two), "{one} {two}");
+    // It stands where the table has the void.
+    let at = "13.3,12.7,11.9,20";
+    let seen = draw(
+        "render",
+        &store,
+        &out,
+        &[&style[..], &["--numbers", "--view", "front", "--focus", at]].concat(),
+    );
+    let centre = seen.pixels.chunks(seen.width).enumerate().flat_map(|(y, row)| {
+        row.iter()
+            .enumerate()
+            .filter(|(_, pixel)| **pixel == [0; 3])
+            .map(move |(x, _)| (x, y))
+            .collect::<Vec<_>>()
+    });
+    let near = centre.filter(|(x, y)| x.abs_diff(120) < 20 && y.abs_diff(90) < 20).count();
+    assert!(near >= 30, "{near}");
+}
+
+#[test]
 fn sections_fill_voids_and_number_them_as_the_table_does() {
     let dir = Scratch::new();
     let (store, out) = (dir.store("box_with_cavity", 3), dir.path("v.png"));
@@ -274,6 +309,8 @@ fn what_cannot_be_shown_is_a_line() {
         &["render", "--style", "voids", "--backend", "vulkan"],
         &["render", "--within", "1mm"],
         &["render", "--style", "ghosts"],
+        &["render", "--style", "thickness", "--numbers"],
+        &["render", "--no-legend"],
         &["slice", "--z", "5", "--below", "1mm"],
         &["slice", "--z", "5", "--style", "overlap"],
         &["slice", "--z", "5", "--style", "voids", "--voids", "v.csv"],

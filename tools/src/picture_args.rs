@@ -297,6 +297,10 @@ pub struct RenderArgs {
     pub draws: DrawArgs,
     #[command(flatten)]
     pub finding: FindingArgs,
+    /// Write the numbers of voids into pictures of --style voids, where they are seen; where they would cover each other the
+    /// larger void's
+    #[arg(long, conflicts_with = "splats")]
+    pub numbers: bool,
     /// Leave out the legend that stands below pictures of what is found
     #[arg(long)]
     pub no_legend: bool,

@@ -10,10 +10,10 @@ use brickfield_engine::distance::Sides;
 use brickfield_engine::lattice::NodeKey;
 use brickfield_engine::overlay::{
     BandTint, Change, ChangesTint, DeviationScale, DeviationTint, ThicknessScale, ThicknessTint, VoidTint,
-    class_colour, numbers_in, size_along, size_colour,
+    class_colour, numbers_in, numbers_seen, size_along, size_colour,
 };
 use brickfield_engine::picture::{Bar, Canvas, Legend};
-use brickfield_engine::render::{Style, Tint};
+use brickfield_engine::render::{Frame, Style, Tint};
 use brickfield_engine::section::{
     SectionPicture, SectionSummary, Tinted, plain, write_picture, write_tinted_picture,
 };
@@ -41,6 +41,19 @@ impl Colours<'_> {
             Colours::Deviation(tint) => tint,
             Colours::Changes(tint) => &**tint,
         }
+    }
+
+    /// The same picture with the numbers of voids.
+    pub fn numbered<'s>(
+        &self,
+        frame: Frame<'s>,
+        found: &Found,
+        store: &Store,
+    ) -> Result<Frame<'s>, brickfield_engine::Error> {
+        let (Colours::Voids(tint), Found::Voids { found, .. }) = (self, found) else { return Ok(frame) };
+        let cell = store.root().spacing(store.meta().depth);
+        let labels = numbers_seen(&frame, tint, &found.voids, cell)?;
+        Ok(frame.with_labels(labels))
     }
 
     /// Writes a section in these colours, with the numbers of voids.

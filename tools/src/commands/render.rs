@@ -4,7 +4,7 @@ use super::findings::{Found, Search, require_own_options, search};
 use super::{make_folder, no_unit, of_store, open_store, require_level, start};
 use crate::devices::{BackendArg, choose};
 use crate::failure::Failure;
-use crate::finding_args::ShownArg;
+use crate::finding_args::{Finding, ShownArg};
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs, StyleArg};
@@ -81,11 +81,15 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         let what = "--no-legend belongs to --style voids, thickness, deviation and changes";
         return Err(Failure::Usage(what.to_owned()));
     }
+    let kind = if args.splats { Kind::Picture } else { Kind::of(args)? };
+    if args.numbers && (wanted.shown != Some(Finding::Voids) || kind == Kind::Animation) {
+        let what = "--numbers belongs to --style voids and to pictures that do not move";
+        return Err(Failure::Usage(what.to_owned()));
+    }
     if args.splats {
         return super::render_splats::run(args);
     }
     let mut started = Instant::now();
-    let kind = Kind::of(args)?;
     let bars = start(args.work)?;
     let device = match args.style {
         // Colours of their own are the processor's.
@@ -134,9 +138,14 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         let drawn = Drawn { path, size: scene.file_size(), frames, bricks, seconds };
         drawn.say(args, caster.map(Caster::report))
     };
+    let numbered = |frame| match colours.as_ref().zip(found.as_ref()) {
+        Some((colours, found)) if args.numbers => colours.numbered(frame, found, &store).map_err(refused),
+        _ => Ok(frame),
+    };
     match kind {
         Kind::Picture => {
             for frame in scene.frames() {
+                let frame = numbered(frame)?;
                 if let Some(preview) = &args.preview {
                     write_frame(&frame.coarse(), caster.as_mut(), preview, &bars).map_err(refused)?;
                     say(preview, None, caster.as_ref())?;
@@ -152,6 +161,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         Kind::Folder => {
             make_folder(&args.output)?;
             for (number, frame) in scene.frames().enumerate() {
+                let frame = numbered(frame)?;
                 let path = args.output.join(format!("{:04}.png", number + 1));
                 write_frame(&frame, caster.as_mut(), &path, &bars).map_err(refused)?;
                 say(&path, None, caster.as_ref())?;

@@ -9,7 +9,7 @@
 //! | `changes` | what is new since an earlier store, and voids that have opened |
 //! | `measures` | thickness and deviation at the point that is seen |
 //! | `sections` | the same in plane sections |
-//! | `numbers` | where in a section the number of each void stands |
+//! | `numbers` | where the number of each void stands |
 //! | `scale` | which colour stands for a number |
 
 mod changes;
@@ -21,7 +21,7 @@ mod voids;
 
 pub use changes::{Change, ChangesTint};
 pub use measures::{DeviationTint, ThicknessTint, usual_deviation, usual_thickness};
-pub use numbers::numbers_in;
+pub use numbers::{numbers_in, numbers_seen};
 pub use scale::{DeviationScale, ThicknessScale, class_colour, rounded_up, size_along, size_colour};
 pub use sections::BandTint;
 pub use voids::VoidTint;

@@ -1,10 +1,13 @@
-//! Where in a section the number of each void stands: deep within what the plane shows of it.
+//! Where the number of each void stands: deep within what a plane shows of it, or where it is seen in space.
 
 use super::VoidTint;
 use crate::error::Result;
+use crate::picture::Label;
 use crate::progress::Progress;
+use crate::render::Frame;
 use crate::section::{SectionLabel, SectionPicture, section_values};
 use crate::store::BrickTree;
+use crate::voids::Void;
 use std::collections::BTreeMap;
 
 /// Places along the longer side of a section at which voids are looked for.
@@ -52,6 +55,40 @@ pub fn numbers_in(
         SectionLabel { at: [0, 1].map(|a| at(n)[a] + beside[a]), text }
     };
     Ok(best.into_iter().map(label).collect())
+}
+
+/// Most voids that are numbered in a picture in space.
+const NUMBERED: usize = 500;
+
+/// The numbers of the largest voids that are seen at their centroids in a picture in space, the largest first. What is smaller
+/// than its number has it to the upper right.
+///
+/// # Errors
+/// What reading the tree gives.
+pub fn numbers_seen(frame: &Frame<'_>, tint: &VoidTint<'_>, voids: &[Void], cell: f64) -> Result<Vec<Label>> {
+    let places: Vec<(&Void, [f64; 2], f64)> = voids
+        .iter()
+        .filter(|void| tint.shows(void.id))
+        .take(NUMBERED)
+        .filter_map(|void| frame.seen_at(void.centroid).map(|(at, pixel)| (void, at, pixel)))
+        .collect();
+    let rays: Vec<_> = places.iter().map(|(_, at, _)| frame.ray(*at)).collect();
+    let mut labels = Vec::new();
+    for ((ray, met), (void, at, pixel)) in rays.iter().zip(frame.distances(&rays)?).zip(places) {
+        let Some(t) = met else { continue };
+        // Just within what is met there.
+        let inner = t + 0.5 * cell;
+        let within = std::array::from_fn(|a| ray.origin[a] + inner * ray.direction[a]);
+        if tint.number(within)? as usize != void.id {
+            continue;
+        }
+        let text = void.id.to_string();
+        let half = Label::size(&text).map(|side| 0.5 * side as f64);
+        let radius = 0.5 * void.equivalent_diameter() / pixel;
+        let beside = if radius < half[0].max(half[1]) { half.map(|half| half + radius) } else { [0.0; 2] };
+        labels.push(Label { at: [at[0] + beside[0], at[1] - beside[1]], text });
+    }
+    Ok(labels)
 }
 
 /// Steps across sides and corners from each place to the nearest of another number, or to the border.

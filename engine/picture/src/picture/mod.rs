@@ -6,6 +6,7 @@
 mod canvas;
 mod colour;
 mod font;
+mod labels;
 mod legend;
 mod png_file;
 mod ramp;
@@ -13,6 +14,8 @@ mod ramp;
 pub use canvas::Canvas;
 pub use colour::{Rgba, Scale, WHITE, mean};
 pub use font::{GLYPH_HEIGHT, GLYPH_WIDTH, text_width};
+pub use labels::Label;
+pub(crate) use labels::{Mark, marks};
 pub use legend::{Bar, Legend};
 pub use png_file::{ANIMATED_SIDE_MAX, Animation, PngRows, write_apng, write_png};
 pub use ramp::Ramp;

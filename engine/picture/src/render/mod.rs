@@ -49,7 +49,7 @@ pub use tint::{Met, Tint};
 
 use crate::error::{Error, Result};
 use crate::lattice::MAX_LEVEL;
-use crate::picture::{Animation, Canvas, PngRows, Rgba, WHITE, write_apng, write_png};
+use crate::picture::{Animation, Canvas, PngRows, Rgba, WHITE, marks, write_apng, write_png};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use bricks::Bricks;
@@ -256,6 +256,7 @@ impl<'a> Scene<'a> {
             eye,
             supersample: self.supersample,
             cell_pixels: self.cell_pixels,
+            labels: Vec::new(),
         })
     }
 
@@ -288,7 +289,14 @@ fn draw(
 ) -> Result<()> {
     let width = frame.scene.file_size()[0] as usize;
     let mut padded = Vec::new();
+    let marks = marks(&frame.labels, frame.scene.size.map(|side| side as usize), |at| at);
+    let (mut marked, mut number) = (Vec::new(), 0);
     let mut wide = |row: &[Rgba]| {
+        marked.clear();
+        marked.extend_from_slice(row);
+        marks.iter().for_each(|mark| mark.put(number, &mut marked));
+        number += 1;
+        let row = &marked;
         if row.len() == width {
             return rows.row(row);
         }

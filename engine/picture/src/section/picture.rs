@@ -1,12 +1,11 @@
 //! w in a plane as a picture.
 
 use super::at_hand::{AtHand, nearest, trilinear};
-use super::labels::{Mark, SectionLabel, marks};
 use super::legend::Legend;
 use super::plane::Plane;
 use crate::error::{Error, Result};
 use crate::lattice::{ROOT_BITS, RootCube, spacing_bits};
-use crate::picture::{Canvas, PngRows, Rgba, SIDE_MAX, Scale, WHITE, mean, write_png};
+use crate::picture::{Canvas, Label, Mark, PngRows, Rgba, SIDE_MAX, Scale, WHITE, marks, mean, write_png};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use rayon::prelude::*;
@@ -31,7 +30,7 @@ pub struct SectionPicture {
     /// The unit of length for legend and scale bar below the picture; `None` for the samples alone.
     pub legend: Option<String>,
     /// Words to be written into it, the most important first.
-    pub labels: Vec<SectionLabel>,
+    pub labels: Vec<Label>,
 }
 
 /// Colours in the place of those of w. It is asked from many threads, and what it says depends on nothing but the place.
