@@ -25,6 +25,7 @@ mod program {
     mod mesh;
     mod open;
     mod orient;
+    mod overlays;
     mod passes;
     mod pictures;
     mod points;

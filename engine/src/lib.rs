@@ -58,6 +58,7 @@
 //! | [`splats`], [`bsp`] | parts as small clipped planes, level by level, and files of them |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
+//! | [`overlay`] | voids, thickness and deviations as colours in pictures |
 //! | [`winding`] | winding numbers of one brick, and the sum that judges all others |
 //! | [`gpu`] | a Vulkan device, for [`build::Resources`] and [`render::Caster`] |
 //!
@@ -88,6 +89,7 @@ pub use brickfield_gpu::gpu;
 pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;
 pub use brickfield_octree::{brick, cache, store};
+pub use brickfield_overlay::overlay;
 pub use brickfield_picture::{picture, render, section};
 pub use brickfield_splats::{draw, splats};
 pub use brickfield_toolpath::{bead, milling, toolpath, x3d};

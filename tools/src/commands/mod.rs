@@ -9,6 +9,8 @@ pub mod cache;
 pub mod csg;
 pub mod deviation;
 pub mod export;
+mod finding_colours;
+mod findings;
 pub mod info;
 mod info_cloud;
 mod info_devices;

@@ -7,8 +7,9 @@ use super::clip::Span;
 use super::field::{BLOCK_CELLS, Cell, Field};
 use super::light::Gathered;
 use super::nodes::Node;
-use super::style::SURFACES_MAX;
-use crate::error::Result;
+use super::style::{SURFACES_MAX, Surface};
+use super::tint::{Asked, Met};
+use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, ROOT_BITS};
 use std::ops::ControlFlow;
 
@@ -28,6 +29,7 @@ pub(super) struct Tracer<'a> {
     gathered: Gathered,
     /// Where the ray met the first opaque thing, along its length.
     hit: Option<f64>,
+    asked: Asked<'a>,
 }
 
 /// A ray in units from the root's first sample, by world length along it.
@@ -136,7 +138,13 @@ impl<'a> Tracer<'a> {
     pub fn new(frame: &'a Frame<'a>) -> Tracer<'a> {
         let line = Line::new([0.0; 3], [0.0; 3]);
         let span = Span { from: 0.0, to: 0.0, cut: None };
-        Tracer { frame, lane: Lane::default(), line, span, gathered: Gathered::default(), hit: None }
+        let asked = Asked::new(frame.scene.tint);
+        Tracer { frame, lane: Lane::default(), line, span, gathered: Gathered::default(), hit: None, asked }
+    }
+
+    /// Begins with the rays of another pixel.
+    pub fn begin_pixel(&mut self) {
+        self.asked.clear();
     }
 
     /// Follows a ray. What it gathers, and the distance of the first opaque thing.
@@ -205,19 +213,21 @@ impl<'a> Tracer<'a> {
         let cell = self.frame.scene.bricks.tree.root().spacing(key.level());
         cell <= self.frame.cell_pixels * self.frame.eye.camera.pixel_at(distance)
             && self.frame.style().is_told_by(node)
+            && self.frame.scene.tint.is_none_or(|tint| tint.is_plain(key))
     }
 
     fn brick(&mut self, node: &Node, place: Place, t: [f64; 2]) -> Result<ControlFlow<()>> {
         let (low, high) = node.own;
         if low == high && !node.fractions {
             // The index knows; no need to read the brick.
-            return Ok(self.uniform(low.into(), place, t));
+            return self.uniform(low.into(), place, t);
         }
         let prepared = self.frame.scene.bricks.get(place.key, &mut self.lane)?;
         if let Some(colour) = self.begins_within(&prepared, place, t)? {
             return Ok(self.meet(t[0], colour));
         }
-        let sight = Sight { frame: self.frame, prepared: &prepared, place, line: &self.line };
+        let (line, asked) = (&self.line, &self.asked);
+        let sight = Sight { frame: self.frame, prepared: &prepared, place, line, asked };
         let gathered = &mut self.gathered;
         // Most of a brick is not worth a look, and goes by in blocks.
         let seen = walk(&self.line, place.blocks(), t, |block, t| {
@@ -227,6 +237,7 @@ impl<'a> Tracer<'a> {
         Ok(match seen {
             Some(Seen::Opaque(t, colour)) => self.meet(t, colour),
             Some(Seen::Enough) => ControlFlow::Break(()),
+            Some(Seen::Failed(error)) => return Err(error),
             None => ControlFlow::Continue(()),
         })
     }
@@ -243,15 +254,22 @@ impl<'a> Tracer<'a> {
     }
 
     /// A brick whose samples are all the same.
-    fn uniform(&mut self, w: f64, place: Place, [from, to]: [f64; 2]) -> ControlFlow<()> {
-        let Frame { eye, .. } = self.frame;
+    fn uniform(&mut self, w: f64, place: Place, [from, to]: [f64; 2]) -> Result<ControlFlow<()>> {
+        let Frame { scene, eye, .. } = self.frame;
         let style = self.frame.style();
         if let Some(surface) = style.surfaces.iter().find(|surface| surface.is_opaque() && w >= surface.w) {
+            let normal = eye.camera.axes[2];
             let colour = match self.cut_at(from) {
+                Some(normal) if scene.tint.is_some() => eye.light.plain_cap(normal),
                 Some(normal) => eye.light.cap(w, normal),
-                None => eye.light.surface(surface, w, eye.camera.axes[2]).0,
+                None => {
+                    match tinted((self.frame, &self.asked), surface, &self.line, place, (from, normal))? {
+                        Some(colour) => colour,
+                        None => eye.light.surface(surface, w, normal).0,
+                    }
+                }
             };
-            return self.meet(from, colour);
+            return Ok(self.meet(from, colour));
         }
         if let Some(volume) = style.volume.as_ref().filter(|volume| volume.sees(w)) {
             let stretches = (to - from) / self.frame.stretch(volume, place);
@@ -260,10 +278,10 @@ impl<'a> Tracer<'a> {
             let left = libm::pow(1.0 - opacity / STEPS_A_STRETCH, STEPS_A_STRETCH * stretches);
             self.gathered.add(volume.colour.at(w), 1.0 - left);
             if self.gathered.is_full() {
-                return ControlFlow::Break(());
+                return Ok(ControlFlow::Break(()));
             }
         }
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// What is seen of an opaque surface that the ray is within as it enters a brick: at a cut, or where the brick before
@@ -275,7 +293,7 @@ impl<'a> Tracer<'a> {
         [from, to]: [f64; 2],
     ) -> Result<Option<[f64; 3]>> {
         let Frame { scene, eye, .. } = self.frame;
-        let sight = Sight { frame: self.frame, prepared, place, line: &self.line };
+        let sight = Sight { frame: self.frame, prepared, place, line: &self.line, asked: &self.asked };
         let ijk = place.cell(self.line.at(from));
         let passages = scene.bricks.style.surfaces.iter().zip(&prepared.surfaces);
         for (surface, passage) in passages.filter(|(surface, _)| surface.is_opaque()) {
@@ -284,11 +302,15 @@ impl<'a> Tracer<'a> {
                 continue;
             }
             return Ok(Some(match self.cut_at(from) {
+                Some(normal) if scene.tint.is_some() => eye.light.plain_cap(normal),
                 // A cap shows what lies just within, not what the cut has taken.
                 Some(normal) => eye.light.cap(self.sample(place, from)?.max(surface.least()), normal),
                 None => {
                     let normal = stretch.map_or(eye.camera.axes[2], |stretch| stretch.normal(from));
-                    eye.light.surface(surface, sight.most(ijk), normal).0
+                    match tinted((self.frame, &self.asked), surface, &self.line, place, (from, normal))? {
+                        Some(colour) => colour,
+                        None => eye.light.surface(surface, sight.most(ijk), normal).0,
+                    }
                 }
             }));
         }
@@ -303,12 +325,30 @@ impl<'a> Tracer<'a> {
     }
 }
 
+/// The colour in light where a ray meets the boundary, if something else than w decides it.
+fn tinted(
+    (frame, asked): (&Frame<'_>, &Asked<'_>),
+    surface: &Surface,
+    line: &Line,
+    place: Place,
+    (t, normal): (f64, Vector),
+) -> Result<Option<[f64; 3]>> {
+    if surface.w != 0.5 {
+        return Ok(None);
+    }
+    let at = frame.scene.bricks.tree.root().to_world(line.at(t).map(|c| c + 1.0));
+    let colour = asked.colour(Met { key: place.key, at, normal }, frame.eye.camera.pixel_at(t))?;
+    Ok(colour.map(|colour| frame.eye.light.tinted(colour, normal)))
+}
+
 /// Why a ray goes no farther.
 enum Seen {
     /// It has met something opaque: where, and its colour.
     Opaque(f64, [f64; 3]),
     /// What it has gathered hides all the rest.
     Enough,
+    /// What could not be read.
+    Failed(Error),
 }
 
 /// A ray in a brick.
@@ -317,6 +357,7 @@ struct Sight<'a> {
     prepared: &'a Prepared,
     place: Place,
     line: &'a Line,
+    asked: &'a Asked<'a>,
 }
 
 impl Sight<'_> {
@@ -350,6 +391,11 @@ impl Sight<'_> {
             let (surface, field) =
                 (&self.frame.style().surfaces[number], &self.prepared.surfaces[number].field);
             let normal = field.as_ref().map_or([0.0; 3], |field| self.stretch(field, ijk, to).normal(t));
+            match tinted((self.frame, self.asked), surface, self.line, self.place, (t, normal)) {
+                Err(error) => return Some(Seen::Failed(error)),
+                Ok(Some(colour)) => return Some(Seen::Opaque(t, colour)),
+                Ok(None) => {}
+            }
             let (colour, opacity) = self.frame.eye.light.surface(surface, self.most(ijk), normal);
             if surface.is_opaque() {
                 return Some(Seen::Opaque(t, colour));
