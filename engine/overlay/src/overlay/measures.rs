@@ -4,7 +4,7 @@ use super::scale::{DeviationScale, ThicknessScale};
 use super::{Met, Tint};
 use crate::distance::Surface;
 use crate::distance::deviation::{Motion, Reference};
-use crate::distance::thickness::{Options, at, at_world};
+use crate::distance::thickness::{Options, PreviousContact, at, at_world};
 use crate::error::Result;
 use crate::lattice::NodeKey;
 
@@ -39,7 +39,8 @@ pub struct DeviationTint<'a> {
 
 impl Tint for ThicknessTint<'_> {
     fn colour(&self, met: Met) -> Result<Option<[u8; 3]>> {
-        let value = at_world(self.surface, met.at, self.options)?.map_or(f64::NAN, |measured| measured.value);
+        let value = at_world(self.surface, met.at, self.options, &mut PreviousContact::default())?
+            .map_or(f64::NAN, |measured| measured.value);
         Ok(Some(self.scale.colour(value)))
     }
 
@@ -74,9 +75,9 @@ impl Tint for DeviationTint<'_> {
 /// # Errors
 /// What reading the surface gives.
 pub fn usual_thickness(surface: &Surface, options: Options) -> Result<f64> {
-    let mut values = Vec::new();
+    let (mut values, mut last) = (Vec::new(), PreviousContact::default());
     each_point(surface, |place, normal| {
-        values.push(at(surface, place, normal, options)?.value * surface.cell());
+        values.push(at(surface, (place, normal), options, &mut last)?.value * surface.cell());
         Ok(())
     })?;
     Ok(most_of(values))
