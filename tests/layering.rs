@@ -13,7 +13,7 @@ type Room = (&'static str, &'static [&'static str]);
 
 /// The crates of the engine with their rooms, each with the rooms of the same crate that it may use. What crates use of
 /// each other is Cargo's to judge.
-const CRATES: [(&str, &[Room]); 14] = [
+const CRATES: [(&str, &[Room]); 15] = [
     (
         "core",
         &[
@@ -61,6 +61,7 @@ const CRATES: [(&str, &[Room]); 14] = [
     ("export", &[("export", &[])]),
     ("splats", &[("splats", &[]), ("draw", &["splats"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
+    ("overlay", &[("overlay", &[])]),
     // The facade.
     (
         "",

@@ -25,6 +25,7 @@ mod program {
     mod mesh;
     mod open;
     mod orient;
+    mod overlays;
     mod passes;
     mod pictures;
     mod points;
@@ -43,5 +44,6 @@ mod program {
     mod view;
     mod voids;
     mod volume_files;
+    mod volume_inputs;
     mod volumes;
 }

@@ -54,10 +54,11 @@
 //! | [`distance`] | wall thickness, offsets, deviations |
 //! | [`csg`], [`machining`], [`milling`] | Booleans of stores and solids; what milling programs take off |
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
-//! | [`export`] | volumes in the files of other tools |
+//! | [`export`], [`import`] | volumes in the files of other tools |
 //! | [`splats`], [`bsp`] | parts as small clipped planes, level by level, and files of them |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
+//! | [`overlay`] | voids, thickness and deviations as colours in pictures |
 //! | [`winding`] | winding numbers of one brick, and the sum that judges all others |
 //! | [`gpu`] | a Vulkan device, for [`build::Resources`] and [`render::Caster`] |
 //!
@@ -68,7 +69,7 @@
 //! | feature | modules |
 //! |---|---|
 //! | `export` | [`export`] |
-//! | `pictures` | [`picture`], [`section`], [`render`]; `Octree::write_slice` and `write_picture` |
+//! | `pictures` | [`picture`], [`section`], [`render`], [`overlay`]; `Octree::write_slice` and `write_picture` |
 //! | `splats` | [`splats`], [`bsp`], [`draw`]; brings `pictures` |
 //!
 //! An [`Error`] is one line for the user: what went wrong, where, what to do. [`Error::kind`] is for programs. A
@@ -96,12 +97,13 @@ pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_coding::bsp;
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
-#[cfg(feature = "export")]
-pub use brickfield_export::export;
+pub use brickfield_export::{export, import};
 pub use brickfield_gpu::gpu;
 pub use brickfield_io::{check, ingest, pieces};
 pub use brickfield_mesh::contour;
 pub use brickfield_octree::{brick, cache, store};
+#[cfg(feature = "pictures")]
+pub use brickfield_overlay::overlay;
 #[cfg(feature = "pictures")]
 pub use brickfield_picture::{picture, render, section};
 #[cfg(feature = "splats")]

@@ -27,10 +27,10 @@ fn scalars(path: &Path) -> Vec<([f64; 3], f64)> {
 }
 
 /// A place, and the unit normal there.
-type Crossing = ([f64; 3], [f64; 3]);
+pub(super) type Crossing = ([f64; 3], [f64; 3]);
 
 /// Where the surface of a store crosses lattice edges, in the world, with the normals there; and its finest cell.
-fn crossings(path: &Path) -> (Vec<Crossing>, f64) {
+pub(super) fn crossings(path: &Path) -> (Vec<Crossing>, f64) {
     let store = Store::open(path, 64 << 20).unwrap();
     let root = store.root();
     let mut found = Vec::new();

@@ -85,6 +85,7 @@ fn with_inputs(is_whole: bool) -> Scratch {
     dir.file("scan.xyz", rows(false));
     let head = format!("ply\nformat ascii 1.0\nelement vertex {}\n{columns}end_header\n", points.len());
     dir.file("scan.ply", head + &rows(true));
+    dir.file("scan.mha", image());
     dir.file("points.csv", "x,y,z\n1,1,0.1\n4.5,0.25,0.25\n");
     dir.file("my.csv", "-0.5,-0.5\n0.5,-0.5\n0.5,0.5\n-0.5,0.5\n");
     let style = text_of("docs/guide/pictures.md");
@@ -134,6 +135,17 @@ fn toolpath() -> String {
     };
     let head = "; filament_diameter = 1.75\n; layer_height = 0.2\nG21\nG90\nM83\n".to_owned();
     head + &(1..=3).map(layer).collect::<String>()
+}
+
+/// An image of a ball of 8 steps of 0.05 in the rods, 40,000 within and 20,000 without.
+fn image() -> Vec<u8> {
+    let head = "ObjectType = Image\nNDims = 3\nOffset = 3 -0.3 -0.3\nElementSpacing = 0.05 0.05 0.05\nDimSize = 24 24 24\n\
+                ElementType = MET_USHORT\nElementDataFile = LOCAL\n";
+    let grey = |n: i32| {
+        let away = [n % 24 - 12, n / 24 % 24 - 12, n / 576 - 12];
+        if away.iter().map(|c| c * c).sum::<i32>() < 64 { 40_000u16 } else { 20_000 }
+    };
+    head.bytes().chain((0..24 * 24 * 24).flat_map(|n| grey(n).to_le_bytes())).collect()
 }
 
 /// Points spread evenly over the unit sphere, which are their own normals.

@@ -79,6 +79,8 @@ nearest neighbours leave it, spread over a small ball.
 
 Without --depth and --cell the cells are about half as large as the points are apart.
 
+A volume keeps its own lattice, so its steps are the cells. Arrays are indexed [z, y, x], and a .json beside them tells `origin`, `spacing` and `unit`, as `export` writes it. MetaImage tells that itself.
+
 A build that is interrupted, killed, or runs out of disk leaves PART.brf.part and PART.brf.journal. The same command \
 reads the input again and goes on from there, to the same bytes; `info` and `verify` read the unfinished file.
 
@@ -86,10 +88,11 @@ Examples:
   brickfield build part.stl -o part.brf
   brickfield build body.stl lid.stl -o part.brf --cell 0.05mm --mesh union.stl
   brickfield build part.gcode -o part.brf --skip auto
+  brickfield build scan.mha -o scan.brf --threshold 32000
   brickfield build part.stl -o part-2.brf --shard 2/4; brickfield cache merge part-?.brf -o part.brf")]
 pub struct BuildArgs {
     /// Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: STL, OBJ, PLY, OFF, 3MF, AMF, GLB, X3D Extrusions.
-    /// Or point clouds: PLY, XYZ
+    /// Or point clouds: PLY, XYZ; or one volume: .npy, .mha, .mhd, .raw
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The store to write
@@ -99,6 +102,12 @@ pub struct BuildArgs {
     /// where all inputs are toolpaths and --bead-section is stadium or ellipse
     #[arg(long, alias = "beads", value_enum)]
     pub beads_as: Option<BeadsArg>,
+    /// What the values of a volume are [default: what its description says, else w]
+    #[arg(long, value_enum)]
+    pub volume_as: Option<VolumeArg>,
+    /// Take what has this value and more for solid in a volume, as grey values of computed tomography
+    #[arg(long, value_name = "VALUE", conflicts_with = "volume_as", allow_hyphen_values = true)]
+    pub threshold: Option<f64>,
     /// What w counts of beads as solids. The union of all does not depend on it [default: passes]
     #[arg(long, value_enum)]
     pub count: Option<CountArg>,
@@ -491,6 +500,15 @@ pub struct ExportArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// What the values of a volume that is read are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum VolumeArg {
+    /// Winding numbers, or shares of solid: solid from 0.5 on
+    W,
+    /// Signed distances: solid below 0
+    Sdf,
 }
 
 /// What the samples of a volume are.

@@ -85,7 +85,7 @@ pub enum MeasureArg {
 }
 
 /// A number from 0 to 180.
-fn angle(text: &str) -> Result<f64, String> {
+pub fn angle(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().ok().filter(|number| (0.0..=180.0).contains(number));
     number.ok_or_else(|| "is no number from 0 to 180".to_owned())
 }

@@ -11,6 +11,7 @@ mod commands;
 mod csg_args;
 mod devices;
 mod distance_args;
+mod finding_args;
 mod help;
 mod kinds;
 mod layer_args;

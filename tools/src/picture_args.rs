@@ -2,6 +2,7 @@
 
 use crate::args::IoArg;
 use crate::devices::{BackendArg, BackendArgs};
+use crate::finding_args::{Finding, FindingArgs, ShownArg};
 use crate::toolpaths::ToolpathArgs;
 use crate::units::{BoxArg, Length, Position, Size, Tolerance, Unit};
 use crate::work::WorkArgs;
@@ -28,12 +29,19 @@ left. Corners lie where the boundary crosses the finest lattice, and where it be
 holds samples, between two layers of samples from the crossings around and their normals. Straight runs are merged \
 (--merge-tolerance).
 
+With --style a picture shows what analyses find: voids filled, with the numbers that `voids` prints, or thickness or deviation in \
+a band of 5 pixels along the surface, at its nearest point. The part is grey then.
+
+Numbers that would cover each other are left \
+out, the smaller void's first; those of voids that are too small for them stand beside.
+
 The area of every section is printed with what it may be off by: the areas between the chords and the tangents of the \
 boundary at its crossings with the lattice. What hides between samples, as a tip thinner than a cell, is not in it.
 
 Examples:
   brickfield slice part.brf --z 12.3mm -o section.png
   brickfield slice part.brf --z 12.3mm -o section.dxf
+  brickfield slice part.brf --z 12.3mm -o voids.png --style voids
   brickfield slice print.brf --layer 17 -o section.svg
   brickfield slice part.brf --all z --pitch 0.2mm -o layers --format svg")]
 pub struct SliceArgs {
@@ -90,6 +98,12 @@ pub struct SliceArgs {
     /// the larger void's
     #[arg(long, value_name = "VOIDS.csv|.json")]
     pub voids: Option<PathBuf>,
+    /// Show what is found in the place of w: voids filled, with their numbers; thickness or deviation in a band along the
+    /// surface
+    #[arg(long, value_enum, conflicts_with_all = ["voids", "level"])]
+    pub style: Option<Finding>,
+    #[command(flatten)]
+    pub finding: FindingArgs,
     /// Deepest level to use
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
@@ -177,6 +191,12 @@ Levels of detail: where the cells of a coarser level are smaller than --lod pixe
 No node stands for others where the index says that a wall, a gap or an overlap below passes between all of its samples. \
 --lod 0 draws the finest cells everywhere.
 
+What analyses find is shown by the processor: voids, each in a colour within a haze, with the numbers and classes of `voids`; thickness and deviation, measured at \
+each point that is seen as `thickness` and `deviation` do it. \
+Where a cut opens the part it is grey then.
+
+Voids with less --memory may have no class, as in the table. Voids that open through a throat are not shown.
+
 Styles: solid shows the boundary w = 0.5, and where a cut opens the part, how many pieces cover each point. boundary shows w \
 between 0 and 1 in rainbow colours, so that closed voids are seen within. overlap shows where w is 2 or more within a faint \
 boundary.
@@ -206,7 +226,9 @@ A file that ends in .toml makes another, of surfaces where w passes a number abo
 Examples:
   brickfield render part.brf -o view.png
   brickfield render part.brf -o inside.png --cut 'z>12mm' --cut 'y<0' --perspective
-  brickfield render part.brf -o voids.png --style boundary --view 30,20 --size 1920x1080
+  brickfield render part.brf -o voids.png --style voids --classes pocket,flaw --size 1920x1080
+  brickfield render part.brf -o thin.png --style thickness --below 0.8mm
+  brickfield render part.brf -o off.png --style deviation --reference cad.stl --align shift --within 0.1mm
   brickfield render part.brf -o turn.apng --turntable 36 --style mine.toml
   brickfield render part.brf -o view.png --backend vulkan --gpu-memory 1GiB
   brickfield render part.bsp -o view.png --splats")]
@@ -229,9 +251,10 @@ pub struct RenderArgs {
     /// --level choose their size
     #[arg(long, conflicts_with_all = ["preview", "turntable", "style", "backend", "device", "gpu_memory"])]
     pub splats: bool,
-    /// What is shown: solid, boundary, overlap, or what a file says
+    /// What is shown: solid, boundary, overlap, what a file says, or what is found: voids, thickness, deviation,
+    /// changes
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "solid")]
-    pub style: StyleArg,
+    pub style: ShownArg,
     /// From where: iso, top, bottom, front, back, left, right; or degrees from the x axis towards y, and above the xy
     /// plane, as in 30,20
     #[arg(long, value_name = "NAME|AZ,EL", default_value = "iso", allow_hyphen_values = true)]
@@ -272,6 +295,15 @@ pub struct RenderArgs {
     pub memory: Size,
     #[command(flatten)]
     pub draws: DrawArgs,
+    #[command(flatten)]
+    pub finding: FindingArgs,
+    /// Write the numbers of voids into pictures of --style voids, where they are seen; where they would cover each other the
+    /// larger void's
+    #[arg(long, conflicts_with = "splats")]
+    pub numbers: bool,
+    /// Leave out the legend that stands below pictures of what is found
+    #[arg(long)]
+    pub no_legend: bool,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

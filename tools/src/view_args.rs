@@ -24,6 +24,7 @@ height of the cutting plane: drag it to go through the layers.
   x y z         cut across an axis, above the plane; again: below it
   up, down      move the plane by a layer; page up, page down by ten; home, end
   c             no cut
+  n, b          next void of --voids, the one before, cut through the middle
   s             screenshot: PART-0001.png and so on in the working folder, without strip and letters; the next movement \
 is seen when it is written
   h             list of keys
@@ -41,6 +42,7 @@ open behind the last one unless that is quit.
   cut AXIS AT            cut across x, y or z, as in cut z 12mm; what lies above goes. cut z<12mm: what lies below
   cut off                no cut
   layer N                cut at the upper end of the N-th layer
+  void N                 look at void N of --voids, and cut through its middle
   style NAME|FILE.toml   solid, boundary, overlap, or a file's
   size WxH               pixels of the window
   key KEY                as if typed: a letter or digit, up, down, pageup, pagedown, home, end, escape
@@ -54,6 +56,7 @@ open behind the last one unless that is quit.
 Examples:
   brickfield view part.brf
   brickfield view part.brf --style boundary --layer-height 0.2mm
+  brickfield view part.brf --voids voids.csv
   brickfield view part.brf --backend vulkan --script tour.txt")]
 #[cfg_attr(not(feature = "view"), allow(dead_code))]
 pub struct WindowArgs {
@@ -70,6 +73,9 @@ pub struct WindowArgs {
     /// Distance of the layers through which the cutting plane goes; by default the cell of the finest level
     #[arg(long, value_name = "LEN")]
     pub layer_height: Option<Length>,
+    /// Voids to look at one by one, from a table that `voids` wrote
+    #[arg(long, value_name = "VOIDS.csv|.json")]
+    pub voids: Option<PathBuf>,
     /// Width and height of the window in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720")]
     pub size: PixelsArg,

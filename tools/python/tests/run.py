@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Builds the wheel and tests it as a user gets it.
 
-    python tools/python/tests/run.py [--keep]
+    python tools/python/tests/run.py [--keep] [--engines]
 
 Makes a virtual environment, builds the wheel with maturin, installs it, runs the tests and the examples of the
-documentation, and checks a user's script with `mypy --strict`. Prints the wheel's size and the seconds of each step.
+documentation, and checks a user's script with `mypy --strict`. With --engines it builds in shards on Dask and Ray, too, killing a
+worker of each. Prints the wheel's size and the seconds of each step.
 """
 
 import argparse
@@ -16,6 +17,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
 PINNED = ["maturin==1.16.0", "numpy==2.4.6", "mypy==1.18.2"]
+ENGINES = ["dask==2026.8.0", "distributed==2026.8.0", "ray==2.60.0"]
 WHEEL_BYTES_MAX = 15_000_000
 
 USER = '''
@@ -45,6 +47,7 @@ def step(name: str, *command: object, **more: object) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--keep", type=Path, help="a folder for the wheel")
+    parser.add_argument("--engines", action="store_true", help="also build in shards on Dask and Ray")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -61,6 +64,11 @@ def main() -> None:
         print(step("tests", python, PACKAGE / "tests" / "test_package.py", cwd=folder).splitlines()[-3])
         script = folder / "user.py"
         script.write_text(USER)
+        if args.engines:
+            step("engines", python, "-m", "pip", "install", "--quiet", *ENGINES)
+            clover = PACKAGE.parents[1] / "bench-data" / "clover.gcode"
+            script = PACKAGE / "tests" / "engines.py"
+            print(step("shards", python, script, clover, "--depth", "5", "--shards", "4", "--kill", cwd=folder).strip())
         print(step("types", python, "-m", "mypy", "--strict", script, cwd=folder).strip())
 
 

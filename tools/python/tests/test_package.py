@@ -9,11 +9,13 @@ import tempfile
 import threading
 import time
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 import brickfield
+import brickfield.distributed
 
 CLOVER = Path(__file__).resolve().parents[3] / "bench-data" / "clover.gcode"
 
@@ -182,6 +184,30 @@ class Stores(unittest.TestCase):
         self.assertEqual(len(wrong.stderr.splitlines()), 1)
 
 
+class Shards(unittest.TestCase):
+    def test_what_is_finished_is_kept(self) -> None:
+        with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
+            folder = Path(name)
+            build = brickfield.distributed.build
+            source, out = folder / "a.obj", folder / "a.brf"
+            source.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+            brickfield.run("build", source, "-o", folder / "one.brf", "--depth", "3")
+            place = folder / "shards"
+            blocked = place / "shard-2-of-3.brf"
+            blocked.mkdir(parents=True)
+            with self.assertRaisesRegex(brickfield.Error, "shard 2 of 3: .*2 of 3 shards are kept") as caught:
+                build(source, out, client=pool, shards=3, folder=place, depth=3)
+            self.assertEqual((caught.exception.kind, caught.exception.path), ("program", str(blocked)))
+            with self.assertRaisesRegex(brickfield.Error, "other inputs or settings"):
+                build(source, out, client=pool, shards=3, folder=place, depth=2)
+            blocked.rmdir()
+            steps: list[tuple[int, int]] = []
+            build(source, out, client=pool, shards=3, folder=place, depth=3, progress=lambda *n: steps.append(n))
+            self.assertEqual(steps, [(3, 3)])
+            self.assertEqual(out.read_bytes(), (folder / "one.brf").read_bytes())
+            self.assertFalse(place.exists())
+
+
 class Memory(unittest.TestCase):
     def test_a_thousand_builds_leak_nothing(self) -> None:
         def resident() -> int:
@@ -199,6 +225,7 @@ def load_tests(loader: unittest.TestLoader, tests: unittest.TestSuite, _: object
     vertices = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], dtype=float)
     triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     tests.addTests(doctest.DocTestSuite(brickfield, extraglobs={"VERTICES": vertices, "TRIANGLES": triangles}))
+    tests.addTests(doctest.DocTestSuite(brickfield.distributed))
     return tests
 
 

@@ -1,6 +1,7 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
 use super::build_report::{BuildReport, CloudText};
+use super::build_volume;
 use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
 use super::{features_of, open_inputs, open_store, start};
 use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, RefineArg};
@@ -181,6 +182,9 @@ fn count_in_mm(plan: &mut BuildRequest) {
 
 /// Runs the command.
 pub fn run(args: BuildArgs) -> Result<(), Failure> {
+    if let Some(volume) = build_volume::volume_of(&args)? {
+        return build_volume::run(&args, volume);
+    }
     let mut plan = BuildRequest::try_from(args)?;
     let started = Instant::now();
     require_store_name(&plan.output, true)?;

@@ -2,6 +2,7 @@
 
 use super::thickness::{layers_of, require_ply, require_room};
 use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
+use crate::args::IoArg;
 use crate::distance_args::{AlignArg, DeviationArgs};
 use crate::failure::Failure;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
@@ -49,9 +50,41 @@ const COLUMNS: [&str; 11] = [
 ];
 
 /// What a part is compared with, opened.
-enum OpenReference {
+pub(super) enum OpenReference {
     Mesh(Triangles),
     Store(Box<(Surface, Store)>),
+}
+
+impl OpenReference {
+    /// Where it is inside, if it is a store.
+    pub fn sides(&self) -> Result<Option<Sides<'_>>, Failure> {
+        match self {
+            OpenReference::Mesh(_) => Ok(None),
+            OpenReference::Store(opened) => Ok(Some(Sides::new(&opened.1)?)),
+        }
+    }
+
+    /// What distances are told from, with what [`OpenReference::sides`] gives.
+    pub fn reference<'a>(&'a self, sides: Option<&'a Sides<'a>>) -> Reference<'a> {
+        match (self, sides) {
+            (OpenReference::Mesh(triangles), _) => Reference::Mesh(triangles),
+            (OpenReference::Store(opened), Some(sides)) => Reference::Store(&opened.0, sides),
+            (OpenReference::Store(_), None) => unreachable!("a store has sides"),
+        }
+    }
+}
+
+/// What a part is compared with, and how, as the user typed it.
+pub(super) struct Compared<'a> {
+    pub reference: &'a Path,
+    /// What is written.
+    pub output: &'a Path,
+    /// Where temporary files may lie.
+    pub folder: &'a Path,
+    /// Bytes in all.
+    pub memory: u64,
+    pub io: IoArg,
+    pub align: AlignArg,
 }
 
 /// Runs the command.
@@ -69,16 +102,18 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     require_room(&store, args.memory.0)?;
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
     let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "deviation")?;
-    let opened = open_reference(args, &store, &bars)?;
-    let sides_of_reference;
-    let reference = match &opened {
-        OpenReference::Mesh(triangles) => Reference::Mesh(triangles),
-        OpenReference::Store(opened) => {
-            sides_of_reference = Sides::new(&opened.1)?;
-            Reference::Store(&opened.0, &sides_of_reference)
-        }
-    };
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
+    let compared = Compared {
+        reference: &args.reference,
+        output: &args.output,
+        folder,
+        memory: args.memory.0,
+        io: args.io,
+        align: args.align,
+    };
+    let opened = open_reference(&compared, &store, &bars)?;
+    let sides_of_reference = opened.sides()?;
+    let reference = opened.reference(sides_of_reference.as_ref());
     let surface = Surface::new(&store, args.memory.0 / 4, folder, &bars)?;
     let sides = Sides::new(&store)?;
     let cell = surface.cell();
@@ -87,7 +122,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
             anyhow!("{}: the store has no surface; build it with finer cells", in_line(&args.store)).into()
         );
     };
-    require_alike(args, bounds, reference.bounds())?;
+    require_alike(&compared, bounds, reference.bounds())?;
     let contouring =
         ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
     contour(&store, &contouring, &mut ply, &bars)?;
@@ -154,10 +189,15 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<OpenReference, Failure> {
-    let name = in_line(&args.reference);
-    if is_store(&args.reference) {
-        let store = open_store(&args.reference, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
+/// Opens the reference.
+pub(super) fn open_reference(
+    args: &Compared<'_>,
+    part: &Store,
+    bars: &Bars,
+) -> Result<OpenReference, Failure> {
+    let name = in_line(args.reference);
+    if is_store(args.reference) {
+        let store = open_store(args.reference, args.memory / 8, args.io, AcceptedStores::Whole)?;
         require_whole_samples(&store, "distances from it cannot be told")?;
         if store.meta().unit != part.meta().unit {
             let (own, other) = (unit_of(store.meta()), unit_of(part.meta()));
@@ -166,17 +206,15 @@ fn open_reference(args: &DeviationArgs, part: &Store, bars: &Bars) -> Result<Ope
             )
             .into());
         }
-        let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
-        let surface = Surface::new(&store, args.memory.0 / 4, folder, bars)?;
+        let surface = Surface::new(&store, args.memory / 4, args.folder, bars)?;
         return Ok(OpenReference::Store(Box::new((surface, store))));
     }
-    let inputs =
-        open_inputs(std::slice::from_ref(&args.reference), &[&args.output], &OpenOptions::default(), bars)?;
+    let inputs = open_inputs(&[args.reference.to_owned()], &[args.output], &OpenOptions::default(), bars)?;
     if inputs.iter().any(|input| input.beads().is_some() || input.sweeps().is_some()) {
         return Err(anyhow!("{name}: it is a toolpath; build a store of it and give that").into());
     }
     let bytes = inputs.iter().map(|input| input.facets()).sum::<u64>() * BYTES_A_TRIANGLE;
-    if bytes > args.memory.0 / 2 {
+    if bytes > args.memory / 2 {
         let needed = Size(2 * bytes);
         let remedy = format!("allow {needed} with --memory, or build a store of it and give that");
         return Err(anyhow!("{name}: its triangles do not fit; {remedy}").into());
@@ -207,8 +245,12 @@ fn box_text([low, high]: [[f64; 3]; 2]) -> String {
 }
 
 /// Refuses a reference in another unit, and one elsewhere that is not to be aligned.
-fn require_alike(args: &DeviationArgs, part: [[f64; 3]; 2], reference: [[f64; 3]; 2]) -> Result<(), Failure> {
-    let name = in_line(&args.reference);
+pub(super) fn require_alike(
+    args: &Compared<'_>,
+    part: [[f64; 3]; 2],
+    reference: [[f64; 3]; 2],
+) -> Result<(), Failure> {
+    let name = in_line(args.reference);
     let (own, others) = (sizes(part), sizes(reference));
     for (ratio, units) in RATIOS {
         for (ratio, how) in [(ratio, "larger"), (1.0 / ratio, "smaller")] {

@@ -2,8 +2,8 @@
 
 use super::balance::Balance;
 use super::{
-    info_cloud, info_devices, info_mesh, info_three_mf, info_toolpath, info_x3d, open_store, unit_of,
-    volumes_text,
+    info_cloud, info_devices, info_mesh, info_three_mf, info_toolpath, info_volume, info_x3d, open_store,
+    unit_of, volumes_text,
 };
 use crate::args::InfoArgs;
 use crate::failure::Failure;
@@ -14,6 +14,7 @@ use crate::progress::Bars;
 use crate::units::Size;
 use crate::work::ProgressArg;
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
+use brickfield_engine::import::is_volume;
 use brickfield_engine::ingest::InputKind;
 use brickfield_engine::store::{
     AcceptedStores, BeadsMeta, LayerVolumes, LevelSummary, Meta, NodeNumbers, Source, SourceVolumes, Store,
@@ -27,6 +28,9 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     let Some(file) = args.file.as_deref().filter(|_| !args.devices) else {
         return info_devices::run(args.json);
     };
+    if is_volume(file) {
+        return info_volume::run(file, args);
+    }
     if let Some(kind) = FileKind::of(file).filter(|kind| *kind != FileKind::Store) {
         return of_input(file, kind, args);
     }

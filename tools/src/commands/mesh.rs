@@ -438,7 +438,8 @@ impl MeshReport {
     fn expected_text(&self) -> Option<String> {
         let ExpectedVolume { whose, volume, error } = self.expected.as_ref()?;
         let (unit, cell) = (&self.unit, self.cell);
-        let mut text = format!("\n  volume   the {whose} holds {} {unit}³", measured(*volume, *error));
+        let verb = if *whose == "samples" { "hold" } else { "holds" };
+        let mut text = format!("\n  volume   the {whose} {verb} {} {unit}³", measured(*volume, *error));
         let off = self.volume - volume;
         if off.abs() > error.max(5e-5 * volume) {
             let percent = 100.0 * off.abs() / volume;

@@ -1,15 +1,17 @@
 //! `brickfield render`: the part in space as a picture, or as pictures from all around.
 
+use super::findings::{Found, Search, require_own_options, search};
 use super::{make_folder, no_unit, of_store, open_store, require_level, start};
-use crate::devices::choose;
+use crate::devices::{BackendArg, choose};
 use crate::failure::Failure;
+use crate::finding_args::{Finding, ShownArg};
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs, StyleArg};
 use crate::style_file::{self, StyleFile};
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{
-    Caster, CasterReport, CutPlane, RenderOptions, Scene, View, write_frame, write_turn,
+    Caster, CasterReport, CutPlane, RenderOptions, Scene, Style, View, write_frame, write_turn,
 };
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::json;
@@ -63,13 +65,42 @@ impl Kind {
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
+    let wanted = Search {
+        shown: match &args.style {
+            ShownArg::Finding(finding) => Some(*finding),
+            ShownArg::Style(_) => None,
+        },
+        finding: &args.finding,
+        output: &args.output,
+        memory: args.memory.0,
+        io: args.io,
+        quiet: args.work.quiet,
+    };
+    require_own_options(&wanted)?;
+    if args.no_legend && wanted.shown.is_none() {
+        let what = "--no-legend belongs to --style voids, thickness, deviation and changes";
+        return Err(Failure::Usage(what.to_owned()));
+    }
+    let kind = if args.splats { Kind::Picture } else { Kind::of(args)? };
+    if args.numbers && (wanted.shown != Some(Finding::Voids) || kind == Kind::Animation) {
+        let what = "--numbers belongs to --style voids and to pictures that do not move";
+        return Err(Failure::Usage(what.to_owned()));
+    }
     if args.splats {
         return super::render_splats::run(args);
     }
     let mut started = Instant::now();
-    let kind = Kind::of(args)?;
     let bars = start(args.work)?;
-    let device = choose(&args.draws.backend(), Some(args.memory), None)?.device();
+    let device = match args.style {
+        // Colours of their own are the processor's.
+        ShownArg::Finding(_) if args.draws.backend == BackendArg::Vulkan => {
+            let what =
+                "the processor draws voids, thickness, deviations and changes; leave --backend vulkan out";
+            return Err(Failure::Usage(what.to_owned()));
+        }
+        ShownArg::Finding(_) => None,
+        ShownArg::Style(_) => choose(&args.draws.backend(), Some(args.memory), None)?.device(),
+    };
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     let is_animated = kind == Kind::Animation;
     let caches = memory::render_caches(args.memory, device.as_ref(), &store, args.size.0, is_animated);
@@ -79,9 +110,23 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let outputs: Vec<&Path> =
         [Some(&args.output), args.preview.as_ref()].into_iter().flatten().map(AsRef::as_ref).collect();
     require_distinct(&outputs, &[&args.store])?;
-    let options = options(args, &store, caches - BRICK_CACHE_BYTES)?;
+    let found = search(&wanted, &store, &bars)?;
+    let held = found.as_ref().map_or(0, |found| found.bytes(args.memory.0));
+    let caches = (caches - BRICK_CACHE_BYTES).saturating_sub(held).max(BRICK_CACHE_BYTES);
+    // Labels are asked for beside bricks.
+    let (label_bytes, brick_bytes) = if found.is_some() { (caches / 4, caches / 4 * 3) } else { (0, caches) };
+    let options = options(args, &store, found.as_ref().map(Found::style), brick_bytes)?;
     let refused = |error| of_store(&store, "picture", error);
-    let scene = Scene::new(&store, &options).map_err(refused)?;
+    let sides = found.as_ref().map(Found::sides).transpose()?.flatten();
+    let colours =
+        found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes)).transpose()?;
+    let mut scene = Scene::new(&store, &options).map_err(refused)?;
+    if let (Some(colours), Some(found)) = (&colours, &found) {
+        scene = scene.tinted(colours.tint());
+        if !args.no_legend {
+            scene = scene.with_legend(found.legend(&store, options.size[0] as usize));
+        }
+    }
     let mut caster = device.as_ref().map(|device| Caster::new(&scene, device.gpu()));
     let mut made = 0;
     let mut say = |path: &Path, frames: Option<u32>, caster: Option<&Caster<'_>>| {
@@ -90,12 +135,17 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         made += bricks;
         let seconds = started.elapsed().as_secs_f64();
         started = Instant::now();
-        let drawn = RenderReport { path, size: options.size, frames, bricks, seconds };
+        let drawn = RenderReport { path, size: scene.file_size(), frames, bricks, seconds };
         drawn.say(args, caster.map(Caster::report))
+    };
+    let numbered = |frame| match colours.as_ref().zip(found.as_ref()) {
+        Some((colours, found)) if args.numbers => colours.numbered(frame, found, &store).map_err(refused),
+        _ => Ok(frame),
     };
     match kind {
         Kind::Picture => {
             for frame in scene.frames() {
+                let frame = numbered(frame)?;
                 if let Some(preview) = &args.preview {
                     write_frame(&frame.coarse(), caster.as_mut(), preview, &bars).map_err(refused)?;
                     say(preview, None, caster.as_ref())?;
@@ -111,6 +161,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         Kind::Folder => {
             make_folder(&args.output)?;
             for (number, frame) in scene.frames().enumerate() {
+                let frame = numbered(frame)?;
                 let path = args.output.join(format!("{:04}.png", number + 1));
                 write_frame(&frame, caster.as_mut(), &path, &bars).map_err(refused)?;
                 say(&path, None, caster.as_ref())?;
@@ -186,12 +237,19 @@ pub(super) fn view(args: &RenderArgs) -> Result<View, Failure> {
     Ok(View { opening, ..args.view.0 })
 }
 
-fn options(args: &RenderArgs, store: &Store, cache_bytes: u64) -> Result<RenderOptions, Failure> {
+fn options(
+    args: &RenderArgs,
+    store: &Store,
+    found: Option<Style>,
+    cache_bytes: u64,
+) -> Result<RenderOptions, Failure> {
     let meta = store.meta();
     let (view, cuts) = (view(args)?, cuts(args, &meta.unit)?);
-    let StyleFile { style, background } = match &args.style {
-        StyleArg::Named(style) => StyleFile { style: style(), background: None },
-        StyleArg::File(path) => style_file::read(path, &meta.unit)?,
+    let StyleFile { style, background } = match (&args.style, found) {
+        (_, Some(style)) => StyleFile { style, background: None },
+        (ShownArg::Style(StyleArg::File(path)), _) => style_file::read(path, &meta.unit)?,
+        (ShownArg::Style(StyleArg::Named(style)), _) => StyleFile { style: style(), background: None },
+        (ShownArg::Finding(_), None) => unreachable!("it was searched"),
     };
     let ColourArg(background) = args.background.or(background).unwrap_or(ColourArg([255; 4]));
     Ok(RenderOptions {

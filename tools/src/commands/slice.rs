@@ -1,5 +1,7 @@
 //! `brickfield slice`: plane sections as pictures and drawings.
 
+use super::finding_colours::Colours;
+use super::findings::{Found, Search, require_own_options, search};
 use super::slice_layer::plane_of_layer;
 use super::{make_folder, no_unit, of_store, open_store, require_level, start, unit_of};
 use crate::failure::Failure;
@@ -13,6 +15,7 @@ use crate::void_table::{self, VoidPlace};
 use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::lattice::Axis;
+use brickfield_engine::picture::Canvas;
 use brickfield_engine::section::{
     Contour, ContourLimits, Drawing, Plane, SectionLabel, SectionPicture, SectionSummary, contour, plain,
     straighten, write_drawing, write_picture,
@@ -56,9 +59,10 @@ impl<'a> TryFrom<&'a SliceArgs> for Plan<'a> {
                 || args.side.is_some()
                 || args.samples
                 || args.no_legend
-                || args.voids.is_some())
+                || args.voids.is_some()
+                || args.style.is_some())
         {
-            let what = "--pixel, --side, --samples, --no-legend and --voids belong to pictures; drawings have the finest lattice's corners";
+            let what = "--pixel, --side, --samples, --no-legend, --voids and --style belong to pictures; drawings have the finest lattice's corners";
             return Err(Failure::Usage(what.to_owned()));
         }
         if format == SliceFormat::Png && args.merge_tolerance.is_some() {
@@ -75,15 +79,36 @@ pub fn run(args: &SliceArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     let store = open_store(&args.store, 0, args.io, AcceptedStores::Whole)?;
     let caches = memory::picture_caches(args.memory, memory::index_drawn(&store, BYTES_A_NODE));
-    // Points of the boundary are kept beside bricks.
-    let brick_bytes = if plan.format == SliceFormat::Png { caches / 4 * 3 } else { caches / 2 };
+    let wanted = Search {
+        shown: args.style,
+        finding: &args.finding,
+        output: &args.output,
+        memory: args.memory.0,
+        io: args.io,
+        quiet: args.work.quiet,
+    };
+    require_own_options(&wanted)?;
+    // Points of the boundary are kept beside bricks, and so is what is found.
+    let brick_bytes = match plan.format {
+        SliceFormat::Png if args.style.is_none() => caches / 4 * 3,
+        SliceFormat::Png => caches / 4,
+        SliceFormat::Svg | SliceFormat::Dxf => caches / 2,
+    };
     let store = store.with_cache(brick_bytes);
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }
     require_distinct(&[&args.output], &[&args.store])?;
-    for (plane, path) in plan.sections(&store, &bars)? {
-        let said = plan.write(&store, plane, &path, caches - brick_bytes, &bars)?;
+    let sections = plan.sections(&store, &bars)?;
+    let found = search(&wanted, &store, &bars)?;
+    let left = caches - brick_bytes;
+    let left =
+        left.saturating_sub(found.as_ref().map_or(0, |found| found.bytes(args.memory.0))).max(left / 4);
+    let sides = found.as_ref().map(Found::sides).transpose()?.flatten();
+    let colours = found.as_ref().map(|found| found.colours(&store, sides.as_ref(), left / 2)).transpose()?;
+    let shown = found.as_ref().zip(colours.as_ref());
+    for (plane, path) in sections {
+        let said = plan.write((&store, shown), plane, &path, left, &bars)?;
         bars.clear();
         if args.json {
             print_json(&said.json)?;
@@ -136,7 +161,7 @@ impl Plan<'_> {
 
     fn write(
         &self,
-        store: &Store,
+        (store, shown): (&Store, Option<(&Found, &Colours<'_>)>),
         plane: Plane,
         path: &Path,
         memory_bytes: u64,
@@ -147,7 +172,15 @@ impl Plan<'_> {
         let limits = ContourLimits { level: self.args.level, memory_bytes };
         if self.format == SliceFormat::Png {
             let what = self.picture(store, plane, window)?;
-            let drawn = write_picture(store, &what, path, bars).map_err(refused)?;
+            let drawn = match shown {
+                Some((found, colours)) => {
+                    let legend = |width: usize| found.legend(store, width);
+                    let legend: Option<&dyn Fn(usize) -> Canvas> = (!self.args.no_legend).then_some(&legend);
+                    colours.write_section(store, &what, (legend, path), bars)
+                }
+                None => write_picture(store, &what, path, bars),
+            };
+            let drawn = drawn.map_err(refused)?;
             let area = match contour(store, plane, limits, bars) {
                 Ok(Contour { area, area_error, .. }) => Some((area, area_error)),
                 // More points than fit are no reason to be without the picture.

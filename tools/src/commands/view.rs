@@ -13,6 +13,7 @@ use crate::view::{
     ViewedStore, VulkanPainter, Window, place, quoted, read_script,
 };
 use crate::view_args::WindowArgs;
+use crate::void_table;
 use anyhow::anyhow;
 use brickfield_engine::picture::WHITE;
 use brickfield_engine::render::{RenderOptions, Scene, Style};
@@ -147,7 +148,8 @@ fn part(args: &WindowArgs, store: &Store) -> Result<ViewedStore, Failure> {
             "--layer-height {pitch} makes too many layers; choose thicker ones"
         )));
     }
-    Ok(ViewedStore { bounds, unit: meta.unit.clone(), pitch, styles: Vec::new() })
+    let voids = args.voids.as_deref().map(void_table::read).transpose()?.unwrap_or_default();
+    Ok(ViewedStore { bounds, unit: meta.unit.clone(), pitch, styles: Vec::new(), voids })
 }
 
 /// Refuses a script that will not do, before a window is opened.
@@ -167,14 +169,20 @@ fn check(
         match step {
             ScriptStep::Size(size) => require_size(*size).map_err(refused)?,
             ScriptStep::Cut(Some(cut)) => drop(place(*cut, part).map_err(refused)?),
+            ScriptStep::Void(id) if !part.voids.iter().any(|void| void.id == *id) => {
+                let what = format!("there is no void {id} in the table; give one that has it with --voids");
+                return Err(refused(what).into());
+            }
             ScriptStep::Style(name) if !looks.names.contains(name) => {
-                looks.add(Path::new(name), store)?;
+                drop(looks.add(Path::new(name), store)?)
             }
             ScriptStep::Screenshot(path) if !outputs.contains(&path.as_path()) => outputs.push(path),
             _ => {}
         }
     }
-    let inputs: Vec<&Path> =
-        [Some(args.store.as_path()), args.script.as_deref()].into_iter().flatten().collect();
+    let inputs: Vec<&Path> = [Some(args.store.as_path()), args.script.as_deref(), args.voids.as_deref()]
+        .into_iter()
+        .flatten()
+        .collect();
     require_distinct(&outputs, &inputs)
 }

@@ -12,7 +12,7 @@ use anyhow::anyhow;
 use brickfield_engine::ingest::{Facets, Input, OpenOptions};
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
-use brickfield_engine::voids::{Class, Connectivity, Seal, Void, VoidOptions, Voids, find};
+use brickfield_engine::voids::{Class, Connectivity, Detail, Seal, Void, VoidOptions, Voids, find};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -94,6 +94,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         cad: cad.as_ref(),
         closing,
         meshes: args.mesh.is_some(),
+        detail: Detail::All,
         source: source.as_deref(),
     };
     let found = find(&store, &options, &bars)?;
@@ -190,6 +191,11 @@ fn summary(store: &Store, found: &Voids, args: &VoidsArgs) -> String {
     };
     let name = in_line(&args.output);
     format!("{name}: {} voids{left_out}; {volume} {unit}³ of void, porosity {percent} %", found.voids.len())
+}
+
+/// A length as the table has it: to a hundredth of a cell.
+pub(super) fn length_told(store: &Store, length: f64) -> Value {
+    to_place(length, cell_of(store) / 100.0)
 }
 
 /// The edge of a cell of the finest level.

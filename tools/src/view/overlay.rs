@@ -12,7 +12,7 @@ const SEEN: Rgba = [49, 130, 189, 255];
 const GONE: Rgba = [205, 210, 215, 255];
 
 /// The keys, as `h` shows them. The lettering knows small letters alone.
-const HELP: [&str; 12] = [
+const HELP: [&str; 13] = [
     "left drag     turn",
     "right drag    move, also middle or shift",
     "wheel         zoom",
@@ -23,6 +23,7 @@ const HELP: [&str; 12] = [
     "x y z         cut across, again: other side",
     "up down page  move the cut, or drag the strip",
     "c             no cut",
+    "n b           next void, void before",
     "s             screenshot",
     "q esc         quit,  h  this list",
 ];

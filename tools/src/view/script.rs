@@ -27,6 +27,8 @@ pub enum ScriptStep {
     Fit,
     Cut(Option<CutArg>),
     Layer(f64),
+    /// By its number in the table of --voids
+    Void(u64),
     /// By its name or file
     Style(String),
     Size([u32; 2]),
@@ -112,6 +114,7 @@ impl ScriptStep {
                 session.set_cut(placed.ok());
             }
             ScriptStep::Layer(layer) => session.set_layer(layer),
+            ScriptStep::Void(id) => drop(session.go_to_void(id)),
             ScriptStep::Style(ref name) => {
                 let number = session.part().styles.iter().position(|style| style == name);
                 number.into_iter().for_each(|number| session.set_style(number));
@@ -165,6 +168,10 @@ impl FromStr for ScriptStep {
                 layer
                     .map(|layer| ScriptStep::Layer(layer.into()))
                     .ok_or_else(|| format!("expected {expected}"))
+            }
+            "void" => {
+                let expected = "the number of a void, as in void 3";
+                rest.parse().map(ScriptStep::Void).map_err(|_| format!("expected {expected}"))
             }
             "style" => rest.parse::<StyleArg>().map(|_| ScriptStep::Style(rest.to_owned())),
             "size" => rest.parse().map(|PixelsArg(size)| ScriptStep::Size(size)),
@@ -261,15 +268,15 @@ mod tests {
     fn commands_are_read_and_comments_left_out() {
         let text = "# a look\norbit 30 -10\n\n  zoom 2 # closer\ncut z 12mm\ncut x<-1\ncut off\nlayer 3\nkey t\n\
                     key pageup\ndrag right 1 2 3 4\nwheel -1\nview 30,20\nview top\nstyle boundary\nsize 640x480\n\
-                    perspective\t30\nperspective off\npan 1 2\nfit\nwait\npause 0.1\nscreenshot a b.png\nquit\n";
+                    perspective\t30\nperspective off\npan 1 2\nfit\nvoid 3\nwait\npause 0.1\nscreenshot a b.png\nquit\n";
         let lines = parse(text).unwrap();
-        assert_eq!((lines.len(), lines[0].number, lines[1].number), (22, 2, 4));
+        assert_eq!((lines.len(), lines[0].number, lines[1].number), (23, 2, 4));
         assert!(matches!(lines[0].step, ScriptStep::Orbit([30.0, -10.0])));
         assert!(matches!(&lines[3].step, ScriptStep::Cut(Some(cut)) if cut.axis == AxisArg::X && !cut.above));
         assert!(
             matches!(&lines[2].step, ScriptStep::Cut(Some(cut)) if cut.at.in_unit_of("mm") == Some(12.0))
         );
-        assert!(matches!(&lines[20].step, ScriptStep::Screenshot(path) if path == Path::new("a b.png")));
+        assert!(matches!(&lines[21].step, ScriptStep::Screenshot(path) if path == Path::new("a b.png")));
     }
 
     #[test]
@@ -289,6 +296,8 @@ mod tests {
             "cut z 1parsec",
             "layer 0",
             "layer 1.5",
+            "void",
+            "void -1",
             "style none",
             "size 0x1",
             "key",

@@ -1,5 +1,6 @@
 //! What the user looks at: events in, what is to be drawn out. Knows no window, so that it is tested without one.
 
+use crate::void_table::VoidPlace;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{CutPlane, Focus, View};
 
@@ -13,6 +14,8 @@ const LARGE_STEP: f64 = 10.0;
 const OPENING: f64 = 30.0;
 /// How far one can go in and out: heights of the picture, in diagonals of the part.
 const HEIGHTS: [f64; 2] = [1e-6, 1e2];
+/// How much of the world is seen around a void, in its lengths.
+const AROUND_VOID: f64 = 6.0;
 /// Width of the slider, in pixels of a screen of ordinary density.
 const SLIDER_WIDTH: f64 = 28.0;
 
@@ -27,6 +30,8 @@ pub struct ViewedStore {
     pub pitch: f64,
     /// Names of the styles.
     pub styles: Vec<String>,
+    /// Voids that can be looked at one by one, the largest first.
+    pub voids: Vec<VoidPlace>,
 }
 
 impl ViewedStore {
@@ -137,6 +142,8 @@ pub struct Session {
     /// Where the plane was across each axis.
     rested: [f64; 3],
     style: usize,
+    /// The void that was looked at last, by its place in [`Part::voids`].
+    void: Option<usize>,
     help: bool,
     pointer: [f64; 2],
     drag: Option<Drag>,
@@ -148,9 +155,22 @@ impl Session {
         let rested = Axis::ALL.map(|axis| part.top_of(axis, (part.layers(axis) / 2.0).ceil()));
         let focus = Focus { centre: [0.0; 3], height: 1.0 };
         let (fitted, help, density) = (true, false, 1.0);
-        let (pointer, drag, cut) = ([0.0; 2], None, None);
-        let mut session =
-            Session { part, size, density, view, focus, fitted, cut, rested, style, help, pointer, drag };
+        let (pointer, drag, cut, void) = ([0.0; 2], None, None, None);
+        let mut session = Session {
+            part,
+            size,
+            density,
+            view,
+            focus,
+            fitted,
+            cut,
+            rested,
+            style,
+            void,
+            help,
+            pointer,
+            drag,
+        };
         session.fit();
         session
     }
@@ -192,6 +212,9 @@ impl Session {
         let View { azimuth, elevation, .. } = self.view;
         let style = &self.part.styles[self.style];
         let mut text = format!("{style}   view {azimuth:.0},{elevation:.0}");
+        if let Some(void) = self.void {
+            text += &format!("   void {} of {}", self.part.voids[void].id, self.part.voids.len());
+        }
         if let Some(CutPlane { axis, at, above }) = self.cut {
             let (letter, unit) = (letter(axis), &self.part.unit);
             let (layer, layers) = (self.part.layer_at(axis, at), self.part.layers(axis));
@@ -269,6 +292,8 @@ impl Session {
             Key::Letter('p') => self.set_opening(if self.view.opening > 0.0 { 0.0 } else { OPENING }),
             Key::Letter('t') => self.style = (self.style + 1) % self.part.styles.len(),
             Key::Letter('c') => self.cut = None,
+            Key::Letter('n') => self.go_on(1),
+            Key::Letter('b') => self.go_on(-1),
             Key::Letter('x') => self.cut_across(Axis::X),
             Key::Letter('y') => self.cut_across(Axis::Y),
             Key::Letter('z') => self.cut_across(Axis::Z),
@@ -352,6 +377,40 @@ impl Session {
         self.view.opening = degrees;
         if self.fitted {
             self.fit();
+        }
+    }
+
+    /// Looks at the next void, or at the one before; behind the last comes the first.
+    fn go_on(&mut self, by: isize) {
+        let count = self.part.voids.len() as isize;
+        if count > 0 {
+            let from = self.void.map_or(if by > 0 { -1 } else { count }, |void| void as isize);
+            self.go_to((from + by).rem_euclid(count) as usize);
+        }
+    }
+
+    /// Looks at the void with a number of the table, and cuts through its middle; whether there is one.
+    pub fn go_to_void(&mut self, id: u64) -> bool {
+        let found = self.part.voids.iter().position(|void| void.id == id);
+        found.into_iter().for_each(|void| self.go_to(void));
+        found.is_some()
+    }
+
+    fn go_to(&mut self, number: usize) {
+        let VoidPlace { centre, low, high, .. } = self.part.voids[number];
+        let longest = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max);
+        let limits = HEIGHTS.map(|height| height * self.diagonal());
+        let height = (AROUND_VOID * longest).clamp(limits[0], limits[1]);
+        if !height.is_finite() {
+            return;
+        }
+        (self.void, self.fitted) = (Some(number), false);
+        self.focus = Focus { centre, height };
+        let axis = self.slider_axis();
+        let [least, most] = self.part.ends(axis);
+        let at = centre[axis.index()];
+        if least < at && at < most {
+            self.set_cut(Some(CutPlane { axis, at, above: self.cut.is_none_or(|cut| cut.above) }));
         }
     }
 

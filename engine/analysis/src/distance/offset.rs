@@ -4,14 +4,11 @@ use super::sides::{DeepBrick, FAR, Sides};
 use super::surface::{Foot, Surface};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant, RootCube};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube};
 use crate::progress::Progress;
-use crate::schedule::run_ordered;
 use crate::store::{
-    BrickTree, CoarseSamples, Compression, JoinedNode, Meta, Records, Refine, Stats, Store, StoreWriter,
-    joined, subtree_level,
+    BrickTree, CoarseSamples, Divided, Meta, Refine, Stats, Store, StoreWriter, write_divided,
 };
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A node or a run of samples is decided as a whole where the field at its middle exceeds its reach by this many cells: far
@@ -49,7 +46,9 @@ pub fn offset(
     let grown = OffsetField::of(store, surface, solid)?;
     let meta = grown.meta(store, solid);
     let mut writer = StoreWriter::create(output, &meta)?;
-    grown.write(&mut writer, progress)?;
+    if let CoarseSamples::Uniform(_) = write_divided(&grown, &mut writer, "offset", progress)? {
+        return Err(Error::setting("nothing is left of the part", "choose a shorter length"));
+    }
     progress.phase("finishing", None, "bytes");
     writer.finish(meta)
 }
@@ -165,9 +164,14 @@ impl<'a> OffsetField<'a> {
     fn old(&self, sample: [i64; 3]) -> [f64; 3] {
         sample.map(|c| (c - self.shift) as f64)
     }
+}
 
-    /// Whether all of a node is on one side, and on which.
-    fn decided(&self, key: NodeKey) -> Result<Option<bool>> {
+impl Divided for OffsetField<'_> {
+    fn depth(&self) -> u8 {
+        self.depth
+    }
+
+    fn decided(&self, key: NodeKey) -> Result<Option<i16>> {
         let size = (BRICK_CELLS as i64) << (self.depth - key.level());
         let first = key.position().map(|p| i64::from(p) * size);
         let middle = self.old(first.map(|c| c + size / 2));
@@ -175,93 +179,7 @@ impl<'a> OffsetField<'a> {
         let foot = self.closest(middle, f64::INFINITY)?;
         let inside = self.sides.inside(middle, foot.distance, foot.inside)?;
         let (value, _) = self.field(&foot, middle, inside);
-        Ok((value.abs() > reach).then_some(value < 0.0))
-    }
-
-    fn write(&self, writer: &mut StoreWriter, progress: &dyn Progress) -> Result<()> {
-        let level = subtree_level(self.depth);
-        let (mut jobs, mut above) = (Vec::new(), Vec::new());
-        self.divide(NodeKey::ROOT, level, &mut jobs, &mut above)?;
-        progress.phase("offset", Some(jobs.len() as u64), "subtrees");
-        let mut tops: BTreeMap<NodeKey, CoarseSamples> = BTreeMap::new();
-        let window = 4 * rayon::current_num_threads();
-        let work = |(): &mut (), n: usize| {
-            let mut records = Records::new(Some(Compression::Lz4));
-            let top = self.subtree(jobs[n], &mut records, progress)?;
-            Ok((jobs[n], top, records))
-        };
-        run_ordered(
-            jobs.len(),
-            window,
-            || (),
-            work,
-            |(key, top, made): (NodeKey, CoarseSamples, Records)| {
-                progress.advance(1);
-                made.write(writer)?;
-                tops.insert(key, top);
-                Ok(())
-            },
-        )?;
-        // Children stand before their parents.
-        above.sort_unstable_by_key(|(key, _): &(NodeKey, Option<bool>)| key.post_order());
-        for (key, side) in above {
-            let brick = match side {
-                Some(side) => Brick::Uniform(i16::from(side)),
-                None => {
-                    let mut children = [const { JoinedNode::Empty(0) }; 8];
-                    for octant in Octant::all() {
-                        let child = tops.remove(&key.child(octant));
-                        children[octant.index()] =
-                            JoinedNode::Stored(child.expect("children stand before their parents"));
-                    }
-                    joined(&children)
-                }
-            };
-            writer.append_brick(key, side.is_some(), &brick)?;
-            tops.insert(key, CoarseSamples::of(&brick));
-        }
-        match tops.get(&NodeKey::ROOT) {
-            Some(CoarseSamples::Counts(..)) => Ok(()),
-            _ => Err(Error::setting("nothing is left of the part", "choose a shorter length")),
-        }
-    }
-
-    /// Finds nodes of a level that have to be made, and all above with what is decided of them.
-    fn divide(
-        &self,
-        key: NodeKey,
-        level: u8,
-        jobs: &mut Vec<NodeKey>,
-        above: &mut Vec<(NodeKey, Option<bool>)>,
-    ) -> Result<()> {
-        if key.level() == level {
-            jobs.push(key);
-            return Ok(());
-        }
-        let side = if key == NodeKey::ROOT { None } else { self.decided(key)? };
-        above.push((key, side));
-        if side.is_none() {
-            Octant::all().try_for_each(|octant| self.divide(key.child(octant), level, jobs, above))?;
-        }
-        Ok(())
-    }
-
-    fn subtree(&self, key: NodeKey, records: &mut Records, progress: &dyn Progress) -> Result<CoarseSamples> {
-        progress.check()?;
-        let (leaf, brick) = match self.decided(key)? {
-            Some(side) => (true, Brick::Uniform(i16::from(side))),
-            None if key.level() == self.depth => (true, self.brick(key)?),
-            None => {
-                let mut children = [const { JoinedNode::Empty(0) }; 8];
-                for octant in Octant::all() {
-                    children[octant.index()] =
-                        JoinedNode::Stored(self.subtree(key.child(octant), records, progress)?);
-                }
-                (false, joined(&children))
-            }
-        };
-        records.push(key, leaf, &brick);
-        Ok(CoarseSamples::of(&brick))
+        Ok((value.abs() > reach).then_some(i16::from(value < 0.0)))
     }
 
     fn brick(&self, key: NodeKey) -> Result<Brick> {

@@ -103,6 +103,11 @@ impl Components {
         number(rows.into_boxed_slice(), runs, &mut parents)
     }
 
+    /// Bytes that they take.
+    pub fn heap_bytes(&self) -> usize {
+        size_of_val(&*self.rows) + size_of_val(&*self.runs) + self.solid.len()
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         self.solid.len()

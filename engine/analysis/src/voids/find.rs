@@ -7,7 +7,7 @@ use super::components::Connectivity;
 use super::labelling::{Labelling, label};
 use super::points::{OUTER, Point, PointTree, distance, inscribed};
 use super::pores::{Pore, Pores, pores};
-use super::sealed::{SubcellField, sealed};
+use super::sealed::{SealFindings, SubcellField, sealed};
 use super::surface::{VoidSurface, surfaces};
 use super::totals::Total;
 use super::trace::{Trace, Tracer, has_sparse_infill};
@@ -38,6 +38,8 @@ pub struct VoidOptions<'a> {
     pub closing: Option<f64>,
     /// Whether voids keep their triangles.
     pub meshes: bool,
+    /// What is asked of voids.
+    pub detail: Detail,
     /// The closed meshes that the store was built from, to tell what lies between samples.
     pub source: Option<&'a [&'a dyn Facets]>,
 }
@@ -53,8 +55,20 @@ impl Default for VoidOptions<'_> {
             source: None,
             closing: None,
             meshes: false,
+            detail: Detail::All,
         }
     }
+}
+
+/// What is asked of voids. Each takes several times as long as the one before, and numbers are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Detail {
+    /// Number, volume, surface and place alone.
+    Volumes,
+    /// Class, beads around, and distances as well.
+    Classes,
+    /// Everything; with less no void is sealed for certain.
+    All,
 }
 
 /// A region of w = 0 that the part encloses. Lengths are in the store's unit; what is not known is `None`.
@@ -165,6 +179,11 @@ pub struct Voids {
 }
 
 impl Voids {
+    /// Bytes that the components of all leaves take.
+    pub fn label_bytes(&self) -> u64 {
+        self.labelling.heap_bytes()
+    }
+
     /// Volume of voids over that of solid and voids.
     pub fn porosity(&self) -> Total {
         self.void_volume.share_beside(self.solid_volume)
@@ -249,22 +268,16 @@ impl Voids {
         };
         let cache_bytes = usize::try_from(options.memory / 2).unwrap_or(usize::MAX);
         let mut surfaces = surfaces(store, labelling, &centre, (cache_bytes, options.meshes), progress)?;
+        self.take(measured, &mut surfaces, (root, root.spacing(store.meta().depth)));
+        if options.detail == Detail::Volumes {
+            return Ok(());
+        }
+        let labelling = &self.labelling;
         let tracer = Tracer::new(store)?;
         let most = usize::try_from(options.memory / 2 / POINT_BYTES).unwrap_or(usize::MAX);
         let pores = self.pores.as_ref();
         let Boundaries { points, around } =
             boundaries(store, labelling, &is_void, pores, tracer.as_ref(), most, progress)?;
-        let cell = root.spacing(store.meta().depth);
-        let mut apart = 0.0;
-        for number in (0..measured.len()).filter(|&number| measured[number]) {
-            let surface = surfaces.remove(&number).unwrap_or_default();
-            let chords = Total::of(&labelling.components[number].sums, root);
-            let void = void_of(labelling, number, surface, chords, (root, cell));
-            apart += void.volume - chords.value;
-            self.voids.push(void);
-        }
-        self.void_volume.value += apart;
-        self.void_volume.error += apart.abs();
         if let Some(tracer) = &tracer {
             let trace = |component: usize| Trace::of(around.get(&component)?, tracer);
             self.voids.iter_mut().for_each(|void| void.trace = trace(void.component));
@@ -279,7 +292,10 @@ impl Voids {
             (None, Some(meshes)) => SubcellField::Meshes(meshes),
             (None, None) => SubcellField::Samples,
         };
-        let sealed = sealed(store, labelling, &is_void, source, progress)?;
+        let sealed = match options.detail {
+            Detail::All => sealed(store, labelling, &is_void, source, progress)?,
+            Detail::Volumes | Detail::Classes => SealFindings::default(),
+        };
         self.source_differs = sealed.source_differs;
         for void in &mut self.voids {
             if sealed.certain.contains(&void.component) {
@@ -294,6 +310,25 @@ impl Voids {
         }
         self.voids.iter_mut().for_each(|void| void.class = class_of(void, is_sparse));
         Ok(())
+    }
+
+    /// Makes voids of components with their surfaces.
+    fn take(
+        &mut self,
+        measured: &[bool],
+        surfaces: &mut BTreeMap<usize, VoidSurface>,
+        (root, cell): (RootCube, f64),
+    ) {
+        let mut apart = 0.0;
+        for number in (0..measured.len()).filter(|&number| measured[number]) {
+            let surface = surfaces.remove(&number).unwrap_or_default();
+            let chords = Total::of(&self.labelling.components[number].sums, root);
+            let void = void_of(&self.labelling, number, surface, chords, (root, cell));
+            apart += void.volume - chords.value;
+            self.voids.push(void);
+        }
+        self.void_volume.value += apart;
+        self.void_volume.error += apart.abs();
     }
 
     /// The numbers of the voids, from 1, by component and pore; 0 of all that are none.

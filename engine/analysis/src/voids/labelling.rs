@@ -89,6 +89,13 @@ pub fn label(tree: &dyn BrickTree, connectivity: Connectivity, progress: &dyn Pr
 }
 
 impl Labelling {
+    /// Bytes that it takes.
+    pub(super) fn heap_bytes(&self) -> u64 {
+        let leaves = self.order.keys().len() * (size_of::<NodeKey>() + size_of::<u64>());
+        let components = self.components.len() * size_of::<Component>();
+        (leaves + components + 4 * (self.first.len() + self.of.len())) as u64
+    }
+
     /// The component of the tree that one of a leaf belongs to, as a place in [`Labelling::components`]; `None` for the
     /// outside.
     pub fn of(&self, leaf: usize, label: u16) -> Option<usize> {

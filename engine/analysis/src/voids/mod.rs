@@ -21,6 +21,7 @@
 //! | `cad` | what of a void lies within another tree |
 //! | `class` | whether a void is meant to be |
 //! | `find` | all of it |
+//! | `place` | the void at a place |
 //! | `labels` | numbers of voids as a dense grid |
 
 mod border;
@@ -36,6 +37,7 @@ mod labels;
 mod matter;
 mod measure;
 mod outline;
+mod place;
 mod points;
 mod pores;
 mod sealed;
@@ -46,11 +48,12 @@ mod trace;
 
 pub use class::Class;
 pub use components::Connectivity;
-pub use find::{Seal, Void, VoidOptions, Voids, find};
+pub use find::{Detail, Seal, Void, VoidOptions, Voids, find};
 pub use labelling::{Component, Labelling, label};
 pub use labels::write_labels;
 pub use measure::Sums;
 pub use outline::{BoundaryPoint, boundary_points};
+pub use place::VoidPlaces;
 pub use slabs::{Slab, slabs};
 pub use totals::Total;
 pub use trace::{Trace, TracedLine};

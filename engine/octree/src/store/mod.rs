@@ -6,6 +6,7 @@
 mod begin;
 mod cache;
 mod commit;
+mod divide;
 mod fault;
 mod identity;
 mod index;
@@ -29,6 +30,7 @@ mod writer;
 
 pub use cache::BrickCache;
 pub use cache::CacheStats;
+pub use divide::{Divided, write_divided};
 pub use identity::{
     BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,
 };

@@ -67,7 +67,7 @@ impl Scale {
 }
 
 /// The colour at `t`, 0 to 1, of a table of even steps.
-fn between(table: &[[u8; 3]], t: f64) -> [u8; 3] {
+pub(super) fn between(table: &[[u8; 3]], t: f64) -> [u8; 3] {
     let at = t.clamp(0.0, 1.0) * (table.len() - 1) as f64;
     let low = (at as usize).min(table.len() - 2);
     let part = at - low as f64;

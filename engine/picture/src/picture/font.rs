@@ -60,6 +60,7 @@ pub(super) fn glyph(letter: char) -> [u8; GLYPH_HEIGHT] {
         'x' => [0b00000, 0b00000, 0b10001, 0b01010, 0b00100, 0b01010, 0b10001],
         'y' => [0b00000, 0b00000, 0b10001, 0b10001, 0b01111, 0b00001, 0b01110],
         'z' => [0b00000, 0b00000, 0b11111, 0b00010, 0b00100, 0b01000, 0b11111],
+        '³' => [0b11100, 0b00010, 0b01100, 0b00010, 0b11100, 0b00000, 0b00000],
         'L' => [0b10000, 0b10000, 0b10000, 0b10000, 0b10000, 0b10000, 0b11111],
         _ => [0b11111, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b11111],
     }
@@ -72,8 +73,8 @@ mod tests {
 
     #[test]
     fn what_legends_say_has_letters_that_differ() {
-        let letters = "0123456789.,-+=<>/:abcdefghijklmnopqrstuvwxyzL";
-        let drawn: HashSet<_> = letters.chars().map(glyph).collect();
+        let letters: Vec<char> = "0123456789.,-+=<>/:abcdefghijklmnopqrstuvwxyz³L".chars().collect();
+        let drawn: HashSet<_> = letters.iter().map(|letter| glyph(*letter)).collect();
         assert_eq!(drawn.len(), letters.len());
         assert!(!drawn.contains(&glyph('@')) && glyph('@') == glyph('#'));
         assert!(drawn.iter().flatten().all(|row| row >> GLYPH_WIDTH == 0));

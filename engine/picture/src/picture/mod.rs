@@ -6,12 +6,19 @@
 mod canvas;
 mod colour;
 mod font;
+mod labels;
+mod legend;
 mod png_file;
+mod ramp;
 
 pub use canvas::Canvas;
 pub use colour::{Rgba, Scale, WHITE, mean};
 pub use font::{GLYPH_HEIGHT, GLYPH_WIDTH, text_width};
+pub use labels::Label;
+pub(crate) use labels::{LabelPixels, marks};
+pub use legend::{Bar, Legend};
 pub use png_file::{ANIMATED_SIDE_MAX, Animation, PngRows, write_apng, write_png};
+pub use ramp::Ramp;
 
 /// Most pixels along a side of a picture.
 pub const SIDE_MAX: u32 = 65_535;

@@ -213,6 +213,19 @@ impl Camera {
         Ray { origin, direction: unit(sum(target, scaled(origin, -1.0))) }
     }
 
+    /// Where a point is seen, in pixels from the upper left corner, and the size of a pixel there; `None` behind the eye.
+    pub fn seen_at(&self, world: Vector) -> Option<([f64; 2], f64)> {
+        let away = sum(world, scaled(self.centre, -1.0));
+        let [right, up, towards] = self.axes.map(|axis| dot(axis, away));
+        let distance = self.distance - towards;
+        if distance <= 0.0 {
+            return None;
+        }
+        let pixel = self.pixel_at(distance);
+        let [width, height] = self.size.map(f64::from);
+        Some(([width / 2.0 + right / pixel, height / 2.0 - up / pixel], pixel))
+    }
+
     /// The same rays as places and steps.
     pub fn screen(&self) -> Screen {
         let [right, up, towards] = self.axes;

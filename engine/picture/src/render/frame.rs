@@ -6,7 +6,7 @@ use super::style::{Style, VolumeStyle};
 use super::trace::{BrickPlacement, RayTracer};
 use super::{COARSE_PIXELS, Eye, Scene};
 use crate::error::Result;
-use crate::picture::{Rgba, mean};
+use crate::picture::{Label, Rgba, mean};
 use crate::progress::Progress;
 use rayon::prelude::*;
 
@@ -19,18 +19,32 @@ pub struct Frame<'s> {
     pub(super) eye: &'s Eye,
     pub(super) supersample: u32,
     pub(super) cell_pixels: f64,
+    /// Words in it when it is written, by pixels.
+    pub(super) labels: Vec<Label>,
 }
 
 impl<'s> Frame<'s> {
     /// The same quickly: one ray a pixel, and from the coarse levels.
     pub fn coarse(&self) -> Frame<'s> {
         let cell_pixels = self.cell_pixels.max(COARSE_PIXELS);
-        Frame { scene: self.scene, eye: self.eye, supersample: 1, cell_pixels }
+        let labels = self.labels.clone();
+        Frame { scene: self.scene, eye: self.eye, supersample: 1, cell_pixels, labels }
     }
 
     /// The ray through a point of the picture, in pixels from its upper left corner.
     pub fn ray(&self, at: [f64; 2]) -> Ray {
         self.eye.camera.ray(at)
+    }
+
+    /// The same with words in it when it is written to a file.
+    pub fn with_labels(self, labels: Vec<Label>) -> Frame<'s> {
+        Frame { labels, ..self }
+    }
+
+    /// Where a point of the world is seen, in pixels from the upper left corner, and the size of a pixel there; `None` behind
+    /// the eye.
+    pub fn seen_at(&self, world: [f64; 3]) -> Option<([f64; 2], f64)> {
+        self.eye.camera.seen_at(world)
     }
 
     pub(super) fn style(&self) -> &'s Style {
@@ -128,6 +142,7 @@ impl<'s> Frame<'s> {
         let mut pixels = Vec::with_capacity((width * height) as usize);
         for pixel in 0..width * height {
             parts.clear();
+            tracer.begin_pixel();
             let mut nearest = f64::INFINITY;
             for ray in 0..rays * rays {
                 let offset = |n: u32| (f64::from(n) + 0.5) / f64::from(rays);

@@ -4,6 +4,9 @@ use super::camera::{Vector, dot, scaled, sum, unit};
 use super::style::{IsoSurface, Lighting, Paint};
 use crate::picture::{Rgba, Scale};
 
+/// Cut faces of parts in other colours than those of w.
+const CAP: [f64; 3] = [205.0; 3];
+
 /// Light, given the picture's axes: to the right, upward, towards the eye.
 pub(super) struct Light {
     lighting: Lighting,
@@ -56,6 +59,18 @@ impl Light {
         let colour = if surface.shaded { self.shaded(colour, towards_eye) } else { colour };
         let edge = 1.0 - facing.abs().min(1.0);
         (colour, (surface.opacity + surface.rim * edge * edge * edge).min(1.0))
+    }
+
+    /// An opaque surface of a colour that something else decides, seen from whichever side.
+    pub fn tinted(&self, colour: [u8; 3], normal: Vector) -> [f64; 3] {
+        let towards_eye = if dot(normal, self.towards) < 0.0 { scaled(normal, -1.0) } else { normal };
+        self.shaded(colour.map(f64::from), towards_eye)
+    }
+
+    /// Where a cut opens a part whose surface has colours of its own: grey.
+    pub fn plain_cap(&self, normal: Vector) -> [f64; 3] {
+        let light = 0.8 + 0.2 * dot(normal, self.towards).abs();
+        CAP.map(|c| c * light)
     }
 
     /// Where a cut opens the part: the colour of w as sections have it, less light on the sides that face away.

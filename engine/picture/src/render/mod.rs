@@ -17,6 +17,7 @@
 //! | `stops` | functions of w, by a few values |
 //! | `light` | colours in light |
 //! | `frame` | one picture |
+//! | `tint` | colours that something else than w decides |
 //! | `relief` | depth made visible |
 //! | `trace` | a ray through tree and brick |
 //! | `caster` | pictures by a device, and bricks for it |
@@ -34,6 +35,7 @@ mod nodes;
 mod relief;
 mod stops;
 mod style;
+mod tint;
 mod trace;
 
 pub use camera::{Focus, Ray, Screen, View};
@@ -43,10 +45,11 @@ pub use frame::Frame;
 pub use nodes::NODE_BYTES;
 pub use stops::{Stops, W_MAX};
 pub use style::{BRIGHTNESS_MAX, BuiltIn, IsoSurface, Lighting, Paint, SURFACES_MAX, Style, VolumeStyle};
+pub use tint::{Met, Tint};
 
 use crate::error::{Error, Result};
 use crate::lattice::MAX_LEVEL;
-use crate::picture::{Animation, PngRows, Rgba, write_apng, write_png};
+use crate::picture::{Animation, Canvas, PngRows, Rgba, WHITE, marks, write_apng, write_png};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use bricks::Bricks;
@@ -135,6 +138,8 @@ pub struct Scene<'a> {
     supersample: u32,
     background: Rgba,
     cell_pixels: f64,
+    tint: Option<&'a dyn Tint>,
+    below: Option<Canvas>,
 }
 
 /// From where a picture is seen, and in which light.
@@ -212,7 +217,36 @@ impl<'a> Scene<'a> {
         let eye = |camera: Camera| Eye { light: Light::new(camera.axes, lighting), camera };
         let eyes = cameras.into_iter().map(eye).collect();
         let clip = ClipBox::new(all, cuts);
-        Ok(Scene { bricks, nodes, level, eyes, clip, size, supersample, background, cell_pixels })
+        Ok(Scene {
+            bricks,
+            nodes,
+            level,
+            eyes,
+            clip,
+            size,
+            supersample,
+            background,
+            cell_pixels,
+            tint: None,
+            below: None,
+        })
+    }
+
+    /// The same with colours that something else than w decides. Only the processor draws them.
+    pub fn tinted(self, tint: &'a dyn Tint) -> Scene<'a> {
+        Scene { tint: Some(tint), ..self }
+    }
+
+    /// The same with a legend below each picture in files.
+    pub fn with_legend(self, legend: Canvas) -> Scene<'a> {
+        Scene { below: Some(legend), ..self }
+    }
+
+    /// Width and height of its pictures in files, with what stands below them.
+    pub fn file_size(&self) -> [u32; 2] {
+        let [width, height] = self.size;
+        let Some(below) = &self.below else { return self.size };
+        [width.max(below.width() as u32), height + below.rows().count() as u32]
     }
 
     /// Its pictures, one for each view.
@@ -222,6 +256,7 @@ impl<'a> Scene<'a> {
             eye,
             supersample: self.supersample,
             cell_pixels: self.cell_pixels,
+            labels: Vec::new(),
         })
     }
 
@@ -243,7 +278,7 @@ pub fn write_frame(
     progress: &dyn Progress,
 ) -> Result<()> {
     let draw = |rows: &mut PngRows<'_>| draw(frame, caster, progress, rows);
-    write_png(path, frame.scene.size, frame.scene.background[3] == 255, draw)
+    write_png(path, frame.scene.file_size(), frame.scene.background[3] == 255, draw)
 }
 
 fn draw(
@@ -252,10 +287,29 @@ fn draw(
     progress: &dyn Progress,
     rows: &mut PngRows<'_>,
 ) -> Result<()> {
-    match caster {
-        Some(caster) => caster.draw(frame, progress, |row| rows.row(row)),
-        None => frame.draw(progress, |row| rows.row(row)),
+    let width = frame.scene.file_size()[0] as usize;
+    let mut padded = Vec::new();
+    let marks = marks(&frame.labels, frame.scene.size.map(|side| side as usize), |at| at);
+    let (mut marked, mut number) = (Vec::new(), 0);
+    let mut wide = |row: &[Rgba]| {
+        marked.clear();
+        marked.extend_from_slice(row);
+        marks.iter().for_each(|mark| mark.put(number, &mut marked));
+        number += 1;
+        let row = &marked;
+        if row.len() == width {
+            return rows.row(row);
+        }
+        padded.clear();
+        padded.extend_from_slice(row);
+        padded.resize(width, WHITE);
+        rows.row(&padded)
+    };
+    match caster.filter(|_| frame.scene.tint.is_none()) {
+        Some(caster) => caster.draw(frame, progress, &mut wide)?,
+        None => frame.draw(progress, &mut wide)?,
     }
+    frame.scene.below.iter().flat_map(Canvas::rows).try_for_each(wide)
 }
 
 /// Draws all pictures into an animated PNG, which has its name only when it is complete. They are seen one after the other
@@ -271,7 +325,11 @@ pub fn write_turn(
     progress: &dyn Progress,
 ) -> Result<()> {
     let frames: Vec<Frame<'_>> = scene.frames().collect();
-    let what =
-        Animation { size: scene.size, opaque: scene.background[3] == 255, frames: frames.len(), seconds };
+    let what = Animation {
+        size: scene.file_size(),
+        opaque: scene.background[3] == 255,
+        frames: frames.len(),
+        seconds,
+    };
     write_apng(path, what, |number, rows| draw(&frames[number], caster.as_deref_mut(), progress, rows))
 }

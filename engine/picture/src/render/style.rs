@@ -76,6 +76,13 @@ pub struct Lighting {
     pub gloss: f64,
 }
 
+impl Lighting {
+    /// Light from all sides, so that colours are those of a legend and shapes still show.
+    pub fn even() -> Lighting {
+        Lighting { ambient: 0.64, strength: 0.34, fill: 0.12, gloss: 0.04, ..Lighting::default() }
+    }
+}
+
 impl Default for Lighting {
     fn default() -> Lighting {
         Lighting { from: [-0.55, 0.65, 0.55], ambient: 0.30, strength: 0.62, fill: 0.22, gloss: 0.133 }
@@ -125,9 +132,20 @@ impl Style {
 
     /// Where w ≥ 2, opaque in the colours of sections, within a faint boundary.
     pub fn overlap() -> Style {
-        let ghost =
-            IsoSurface { w: 0.5, paint: Paint::Plain(GHOST), opacity: 0.03, rim: 0.30, shaded: false };
-        Style { surfaces: vec![ghost, IsoSurface::opaque(1.5, Paint::Counted)], ..Style::empty() }
+        Style {
+            surfaces: vec![IsoSurface::ghost(), IsoSurface::opaque(1.5, Paint::Counted)],
+            ..Style::empty()
+        }
+    }
+
+    /// The boundary as a faint haze, for what a [`super::Tint`] shows within.
+    pub fn haze() -> Style {
+        Style { surfaces: vec![IsoSurface::ghost()], lighting: Lighting::even(), ..Style::empty() }
+    }
+
+    /// The boundary, opaque in the colours of a [`super::Tint`].
+    pub fn tinted() -> Style {
+        Style { lighting: Lighting::even(), ..Style::solid() }
     }
 
     fn empty() -> Style {
@@ -205,6 +223,11 @@ impl IsoSurface {
     /// An opaque surface with light on it.
     pub fn opaque(w: f64, paint: Paint) -> IsoSurface {
         IsoSurface { w, paint, opacity: 1.0, rim: 0.0, shaded: true }
+    }
+
+    /// The boundary, faint but for its rim.
+    fn ghost() -> IsoSurface {
+        IsoSurface { w: 0.5, paint: Paint::Plain(GHOST), opacity: 0.03, rim: 0.30, shaded: false }
     }
 
     /// Whether nothing is seen behind it.

@@ -7,8 +7,9 @@ use super::clip::RaySpan;
 use super::field::{BLOCK_CELLS, FieldCell, RayField};
 use super::light::RayLight;
 use super::nodes::RayNode;
-use super::style::SURFACES_MAX;
-use crate::error::Result;
+use super::style::{IsoSurface, SURFACES_MAX};
+use super::tint::{Asked, Met};
+use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, ROOT_BITS};
 use std::ops::ControlFlow;
 
@@ -28,6 +29,7 @@ pub(super) struct RayTracer<'a> {
     gathered: RayLight,
     /// Where the ray met the first opaque thing, along its length.
     hit: Option<f64>,
+    asked: Asked<'a>,
 }
 
 /// A ray in units from the root's first sample, by world length along it.
@@ -136,6 +138,7 @@ impl<'a> RayTracer<'a> {
     pub fn new(frame: &'a Frame<'a>) -> RayTracer<'a> {
         let line = Line::new([0.0; 3], [0.0; 3]);
         let span = RaySpan { from: 0.0, to: 0.0, cut: None };
+        let asked = Asked::new(frame.scene.tint);
         RayTracer {
             frame,
             lane: ThreadBricks::default(),
@@ -143,7 +146,13 @@ impl<'a> RayTracer<'a> {
             span,
             gathered: RayLight::default(),
             hit: None,
+            asked,
         }
+    }
+
+    /// Begins with the rays of another pixel.
+    pub fn begin_pixel(&mut self) {
+        self.asked.clear();
     }
 
     /// Follows a ray. What it gathers, and the distance of the first opaque thing.
@@ -212,19 +221,21 @@ impl<'a> RayTracer<'a> {
         let cell = self.frame.scene.bricks.tree.root().spacing(key.level());
         cell <= self.frame.cell_pixels * self.frame.eye.camera.pixel_at(distance)
             && self.frame.style().is_told_by(node)
+            && self.frame.scene.tint.is_none_or(|tint| tint.is_plain(key))
     }
 
     fn brick(&mut self, node: &RayNode, place: BrickPlacement, t: [f64; 2]) -> Result<ControlFlow<()>> {
         let (low, high) = node.own;
         if low == high && !node.fractions {
             // The index knows; no need to read the brick.
-            return Ok(self.uniform(low.into(), place, t));
+            return self.uniform(low.into(), place, t);
         }
         let prepared = self.frame.scene.bricks.get(place.key, &mut self.lane)?;
         if let Some(colour) = self.begins_within(&prepared, place, t)? {
             return Ok(self.meet(t[0], colour));
         }
-        let sight = BrickRay { frame: self.frame, prepared: &prepared, place, line: &self.line };
+        let (line, asked) = (&self.line, &self.asked);
+        let sight = BrickRay { frame: self.frame, prepared: &prepared, place, line, asked };
         let gathered = &mut self.gathered;
         // Most of a brick is not worth a look, and goes by in blocks.
         let seen = walk(&self.line, place.blocks(), t, |block, t| {
@@ -234,6 +245,7 @@ impl<'a> RayTracer<'a> {
         Ok(match seen {
             Some(RayEnd::Opaque(t, colour)) => self.meet(t, colour),
             Some(RayEnd::Enough) => ControlFlow::Break(()),
+            Some(RayEnd::Failed(error)) => return Err(error),
             None => ControlFlow::Continue(()),
         })
     }
@@ -250,15 +262,22 @@ impl<'a> RayTracer<'a> {
     }
 
     /// A brick whose samples are all the same.
-    fn uniform(&mut self, w: f64, place: BrickPlacement, [from, to]: [f64; 2]) -> ControlFlow<()> {
-        let Frame { eye, .. } = self.frame;
+    fn uniform(&mut self, w: f64, place: BrickPlacement, [from, to]: [f64; 2]) -> Result<ControlFlow<()>> {
+        let Frame { scene, eye, .. } = self.frame;
         let style = self.frame.style();
         if let Some(surface) = style.surfaces.iter().find(|surface| surface.is_opaque() && w >= surface.w) {
+            let normal = eye.camera.axes[2];
             let colour = match self.cut_at(from) {
+                Some(normal) if scene.tint.is_some() => eye.light.plain_cap(normal),
                 Some(normal) => eye.light.cap(w, normal),
-                None => eye.light.surface(surface, w, eye.camera.axes[2]).0,
+                None => {
+                    match tinted((self.frame, &self.asked), surface, &self.line, place, (from, normal))? {
+                        Some(colour) => colour,
+                        None => eye.light.surface(surface, w, normal).0,
+                    }
+                }
             };
-            return self.meet(from, colour);
+            return Ok(self.meet(from, colour));
         }
         if let Some(volume) = style.volume.as_ref().filter(|volume| volume.sees(w)) {
             let stretches = (to - from) / self.frame.stretch(volume, place);
@@ -267,10 +286,10 @@ impl<'a> RayTracer<'a> {
             let left = libm::pow(1.0 - opacity / STEPS_A_STRETCH, STEPS_A_STRETCH * stretches);
             self.gathered.add(volume.colour.at(w), 1.0 - left);
             if self.gathered.is_full() {
-                return ControlFlow::Break(());
+                return Ok(ControlFlow::Break(()));
             }
         }
-        ControlFlow::Continue(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// What is seen of an opaque surface that the ray is within as it enters a brick: at a cut, or where the brick before
@@ -282,7 +301,7 @@ impl<'a> RayTracer<'a> {
         [from, to]: [f64; 2],
     ) -> Result<Option<[f64; 3]>> {
         let Frame { scene, eye, .. } = self.frame;
-        let sight = BrickRay { frame: self.frame, prepared, place, line: &self.line };
+        let sight = BrickRay { frame: self.frame, prepared, place, line: &self.line, asked: &self.asked };
         let ijk = place.cell(self.line.at(from));
         let passages = scene.bricks.style.surfaces.iter().zip(&prepared.surfaces);
         for (surface, passage) in passages.filter(|(surface, _)| surface.is_opaque()) {
@@ -291,11 +310,15 @@ impl<'a> RayTracer<'a> {
                 continue;
             }
             return Ok(Some(match self.cut_at(from) {
+                Some(normal) if scene.tint.is_some() => eye.light.plain_cap(normal),
                 // A cap shows what lies just within, not what the cut has taken.
                 Some(normal) => eye.light.cap(self.sample(place, from)?.max(surface.least()), normal),
                 None => {
                     let normal = stretch.map_or(eye.camera.axes[2], |stretch| stretch.normal(from));
-                    eye.light.surface(surface, sight.most(ijk), normal).0
+                    match tinted((self.frame, &self.asked), surface, &self.line, place, (from, normal))? {
+                        Some(colour) => colour,
+                        None => eye.light.surface(surface, sight.most(ijk), normal).0,
+                    }
                 }
             }));
         }
@@ -310,12 +333,30 @@ impl<'a> RayTracer<'a> {
     }
 }
 
+/// The colour in light where a ray meets the boundary, if something else than w decides it.
+fn tinted(
+    (frame, asked): (&Frame<'_>, &Asked<'_>),
+    surface: &IsoSurface,
+    line: &Line,
+    place: BrickPlacement,
+    (t, normal): (f64, Vector),
+) -> Result<Option<[f64; 3]>> {
+    if surface.w != 0.5 {
+        return Ok(None);
+    }
+    let at = frame.scene.bricks.tree.root().to_world(line.at(t).map(|c| c + 1.0));
+    let colour = asked.colour(Met { key: place.key, at, normal }, frame.eye.camera.pixel_at(t))?;
+    Ok(colour.map(|colour| frame.eye.light.tinted(colour, normal)))
+}
+
 /// Why a ray goes no farther.
 enum RayEnd {
     /// It has met something opaque: where, and its colour.
     Opaque(f64, [f64; 3]),
     /// What it has gathered hides all the rest.
     Enough,
+    /// What could not be read.
+    Failed(Error),
 }
 
 /// A ray in a brick.
@@ -324,6 +365,7 @@ struct BrickRay<'a> {
     prepared: &'a RayBrick,
     place: BrickPlacement,
     line: &'a Line,
+    asked: &'a Asked<'a>,
 }
 
 impl BrickRay<'_> {
@@ -357,6 +399,11 @@ impl BrickRay<'_> {
             let (surface, field) =
                 (&self.frame.style().surfaces[number], &self.prepared.surfaces[number].field);
             let normal = field.as_ref().map_or([0.0; 3], |field| self.stretch(field, ijk, to).normal(t));
+            match tinted((self.frame, self.asked), surface, self.line, self.place, (t, normal)) {
+                Err(error) => return Some(RayEnd::Failed(error)),
+                Ok(Some(colour)) => return Some(RayEnd::Opaque(t, colour)),
+                Ok(None) => {}
+            }
             let (colour, opacity) = self.frame.eye.light.surface(surface, self.most(ijk), normal);
             if surface.is_opaque() {
                 return Some(RayEnd::Opaque(t, colour));

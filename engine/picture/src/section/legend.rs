@@ -10,7 +10,8 @@ const GRADIENT: usize = 96;
 /// What a legend says.
 pub(super) struct Legend<'a> {
     pub title: String,
-    pub scale: Scale,
+    /// Colours of w, where it is shown.
+    pub scale: Option<Scale>,
     /// Smallest and largest w.
     pub range: (i16, i16),
     /// Size of a pixel in world units.
@@ -28,7 +29,8 @@ impl Legend<'_> {
         let first = text_width(&self.title, dot) + text_width(&label, dot) + bar + 4 * gap;
         let second = self.colours(None, dot, [gap, 0]) + gap;
         let full = width.max(first).max(second);
-        let mut canvas = Canvas::new(full, 2 * line + gap, WHITE);
+        let lines = if self.scale.is_some() { 2 } else { 1 };
+        let mut canvas = Canvas::new(full, lines * line + gap, WHITE);
         canvas.fill([0, 0], [full, dot], [200, 200, 200, 255]);
         canvas.text([gap, gap], &self.title, dot, INK);
         let left = full - gap - bar;
@@ -59,6 +61,7 @@ impl Legend<'_> {
 
     /// Draws the colours, if there is a canvas, from a pixel on; returns where they end.
     fn colours(&self, mut canvas: Option<&mut Canvas>, dot: usize, [mut x, y]: [usize; 2]) -> usize {
+        let Some(scale) = self.scale else { return x };
         let side = GLYPH_HEIGHT * dot;
         let text = |canvas: &mut Option<&mut Canvas>, x: &mut usize, text: &str| {
             if let Some(canvas) = canvas {
@@ -70,12 +73,12 @@ impl Legend<'_> {
             let Some(canvas) = canvas else { return };
             canvas.fill([x, y], [width, side], INK);
             for step in dot..width - dot {
-                let colour = self.scale.colour(w(step - dot));
+                let colour = scale.colour(w(step - dot));
                 canvas.fill([x + step, y + dot], [1, side - 2 * dot], colour);
             }
         };
         text(&mut canvas, &mut x, "w");
-        match self.scale {
+        match scale {
             Scale::Counted => {
                 for w in self.whole_numbers() {
                     x += 6 * dot;

@@ -5,7 +5,6 @@
 //! | `plane` | where a section lies, and its two axes |
 //! | `at_hand` | the bricks that a thread looks at |
 //! | `picture` | w as pixels |
-//! | `labels` | words within them |
 //! | `legend` | what stands below them |
 //! | `arc` | how the boundary passes a square between two points of it |
 //! | `face` | where the boundary passes a lattice edge in a plane between two layers of samples |
@@ -22,16 +21,18 @@ mod contour;
 mod drawing;
 mod face;
 mod join;
-mod labels;
 mod legend;
 mod picture;
 mod plane;
 mod straighten;
 
+pub use crate::picture::Label as SectionLabel;
 pub use contour::{ContourLimits, contour};
 pub use drawing::{Drawing, write_drawing};
 pub use join::Contour;
-pub use labels::SectionLabel;
-pub use picture::{SectionPicture, SectionSummary, plain, write_picture};
+pub use picture::{
+    SectionPicture, SectionSummary, SectionTint, SectionValues, Tinted, plain, section_values, write_picture,
+    write_tinted_picture,
+};
 pub use plane::Plane;
 pub use straighten::straighten;

@@ -1,12 +1,13 @@
 //! w in a plane as a picture.
 
 use super::brick_finder::{BrickFinder, nearest, trilinear};
-use super::labels::{LabelPixels, SectionLabel, marks};
 use super::legend::Legend;
 use super::plane::Plane;
 use crate::error::{Error, Result};
 use crate::lattice::{ROOT_BITS, RootCube, spacing_bits};
-use crate::picture::{PngRows, Rgba, SIDE_MAX, Scale, WHITE, mean, write_png};
+use crate::picture::{
+    Canvas, Label, LabelPixels, PngRows, Rgba, SIDE_MAX, Scale, WHITE, marks, mean, write_png,
+};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use rayon::prelude::*;
@@ -31,7 +32,62 @@ pub struct SectionPicture {
     /// The unit of length for legend and scale bar below the picture; `None` for the samples alone.
     pub legend: Option<String>,
     /// Words to be written into it, the most important first.
-    pub labels: Vec<SectionLabel>,
+    pub labels: Vec<Label>,
+}
+
+/// Colours in the place of those of w. It is asked from many threads, and what it says depends on nothing but the place.
+pub trait SectionTint: Sync {
+    /// The colour at a world position, sRGB, `w` being the winding number that the picture has there; white where there is
+    /// none.
+    ///
+    /// # Errors
+    /// What reading gives.
+    fn colour(&self, world: [f64; 3], w: f64) -> Result<Option<[u8; 3]>>;
+}
+
+/// What a section shows in the place of w.
+pub struct Tinted<'a> {
+    /// Its colours.
+    pub tint: &'a dyn SectionTint,
+    /// What they mean, for a picture so many pixels wide, if that is to stand below it.
+    pub legend: Option<&'a dyn Fn(usize) -> Canvas>,
+}
+
+/// w at places of a plane, row by row from below.
+pub struct SectionValues {
+    /// How many places there are along the sides.
+    pub size: [usize; 2],
+    /// w at each.
+    pub values: Vec<f64>,
+    /// World coordinates of the first, by the axes of [`Plane::sides`].
+    pub first: [f64; 2],
+    /// World distance of neighbours.
+    pub step: f64,
+}
+
+/// w as a picture of these pixels has it at their centres.
+///
+/// # Errors
+/// As [`write_picture`].
+pub fn section_values(
+    tree: &dyn BrickTree,
+    what: &SectionPicture,
+    progress: &dyn Progress,
+) -> Result<SectionValues> {
+    let (_, whole, deepest) = survey(tree);
+    let grid = Grid::new(tree.root(), what, deepest, whole, Scale::Counted)?;
+    let [across, up] = grid.size;
+    let row = |y: usize| {
+        progress.check()?;
+        let mut at_hand = BrickFinder::new(tree, deepest);
+        let at = |x: usize| [0, 1].map(|a| grid.first[a] + [x, y][a] as f64 * grid.pixel);
+        let value = |x: usize| grid.value(&mut at_hand, grid.plane.point(at(x), grid.at));
+        (0..across).map(value).collect::<Result<Vec<f64>>>()
+    };
+    let rows: Vec<Vec<f64>> = (0..up).into_par_iter().map(row).collect::<Result<_>>()?;
+    let first = grid.plane.within(grid.root.to_world(grid.plane.point(grid.first, grid.at).map(|u| u + 1.0)));
+    let step = grid.pixel * grid.root.edge / f64::from(1u32 << ROOT_BITS);
+    Ok(SectionValues { size: grid.size, values: rows.concat(), first, step })
 }
 
 /// What was drawn.
@@ -60,6 +116,7 @@ struct Grid {
     level: u8,
     whole: bool,
     scale: Scale,
+    root: RootCube,
 }
 
 /// Writes a picture of w in a plane. Of closed input every pixel shows the sample nearest to its centre, of those that
@@ -79,6 +136,20 @@ pub fn write_picture(
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<SectionSummary> {
+    write_tinted_picture(tree, what, None, path, progress)
+}
+
+/// As [`write_picture`], in other colours than those of w if there are any. Pixels are averaged as those of w are.
+///
+/// # Errors
+/// As [`write_picture`]; what the colours give.
+pub fn write_tinted_picture(
+    tree: &dyn BrickTree,
+    what: &SectionPicture,
+    tinted: Option<&Tinted<'_>>,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<SectionSummary> {
     let (range, whole, deepest) = survey(tree);
     let scale = if whole { Scale::Counted } else { Scale::Even(f64::from(range.1.max(1))) };
     let grid = Grid::new(tree.root(), what, deepest.min(what.level.unwrap_or(deepest)), whole, scale)?;
@@ -86,19 +157,23 @@ pub fn write_picture(
     let pixel = grid.pixel * root.edge / f64::from(1u32 << ROOT_BITS);
     let legend = what.legend.as_ref().map(|unit| {
         let title = format!("{} = {} {unit}", what.plane.letter(), plain(what.plane.at));
+        let scale = tinted.is_none().then_some(scale);
         Legend { title, scale, range, pixel, unit }.draw(grid.size[0])
     });
+    let below = tinted.and_then(|tinted| tinted.legend).map(|legend| legend(grid.size[0]));
+    let legends = || legend.iter().chain(&below);
     let marks = marks(&what.labels, grid.size, |uv| {
         let at = grid.plane.within(root.from_first_sample(grid.plane.point(uv, grid.plane.at)));
         let [right, up] = [0, 1].map(|a| (at[a] - grid.first[a]) / grid.pixel);
         [right, grid.size[1] as f64 - 1.0 - up]
     });
-    let width = legend.as_ref().map_or(0, |legend| legend.width()).max(grid.size[0]);
-    let height = grid.size[1] + legend.as_ref().map_or(0, |legend| legend.rows().count());
+    let width = legends().map(Canvas::width).fold(grid.size[0], usize::max);
+    let height = grid.size[1] + legends().map(|legend| legend.rows().count()).sum::<usize>();
     let size = [width as u32, height as u32];
     write_png(path, size, true, |rows| {
-        grid.draw(tree, width, (rows, &marks), progress)?;
-        legend.iter().flat_map(|legend| legend.rows()).try_for_each(|row| {
+        let tint = tinted.map(|tinted| tinted.tint);
+        grid.draw((tree, tint), width, (rows, &marks), progress)?;
+        legends().flat_map(Canvas::rows).try_for_each(|row| {
             let mut row = row.to_vec();
             row.resize(width, WHITE);
             rows.row(&row)
@@ -152,12 +227,12 @@ impl Grid {
         let fine_enough = |level: &u8| f64::from(1u32 << spacing_bits(*level)) <= pixel / samples * 1.01;
         let level = (0..=deepest).find(fine_enough).unwrap_or(deepest);
         let size = sides.map(|side| side as usize);
-        Ok(Grid { plane, first, at, pixel, size, samples: samples as usize, level, whole, scale })
+        Ok(Grid { plane, first, at, pixel, size, samples: samples as usize, level, whole, scale, root })
     }
 
     fn draw(
         &self,
-        tree: &dyn BrickTree,
+        (tree, tint): (&dyn BrickTree, Option<&dyn SectionTint>),
         width: usize,
         (rows, marks): (&mut PngRows<'_>, &[LabelPixels]),
         progress: &dyn Progress,
@@ -172,7 +247,7 @@ impl Grid {
                     || BrickFinder::new(tree, self.level),
                     |at_hand, tile| {
                         at_hand.clear();
-                        self.tile(at_hand, [tile * TILE, band * TILE])
+                        self.tile((at_hand, tint), [tile * TILE, band * TILE])
                     },
                 )
                 .collect::<Result<_>>()?;
@@ -190,7 +265,11 @@ impl Grid {
     }
 
     /// The pixels of a tile whose upper left one is `from`, counted from the picture's upper left one.
-    fn tile(&self, at_hand: &mut BrickFinder<'_>, from: [usize; 2]) -> Result<Vec<Rgba>> {
+    fn tile(
+        &self,
+        (at_hand, tint): (&mut BrickFinder<'_>, Option<&dyn SectionTint>),
+        from: [usize; 2],
+    ) -> Result<Vec<Rgba>> {
         let mut pixels = Vec::with_capacity(TILE * TILE);
         let mut parts = Vec::with_capacity(self.samples * self.samples);
         for y in 0..TILE {
@@ -204,12 +283,22 @@ impl Grid {
                         up + offset(part / self.samples),
                     ];
                     let uv = std::array::from_fn(|a| self.first[a] + steps[a] * self.pixel);
-                    parts.push(self.scale.colour(self.value(at_hand, self.plane.point(uv, self.at))?));
+                    let at = self.plane.point(uv, self.at);
+                    let w = self.value(at_hand, at)?;
+                    parts.push(match tint {
+                        Some(tint) => self.tinted(tint, at, w)?,
+                        None => self.scale.colour(w),
+                    });
                 }
                 pixels.push(mean(&parts));
             }
         }
         Ok(pixels)
+    }
+
+    fn tinted(&self, tint: &dyn SectionTint, at: [f64; 3], w: f64) -> Result<Rgba> {
+        let colour = tint.colour(self.root.to_world(at.map(|c| c + 1.0)), w)?;
+        Ok(colour.map_or(WHITE, |[r, g, b]| [r, g, b, 255]))
     }
 
     fn value(&self, at_hand: &mut BrickFinder<'_>, at: [f64; 3]) -> Result<f64> {

@@ -28,6 +28,11 @@ impl Plane {
         self.axis.others_in_order()
     }
 
+    /// The world position of a place in it, by the axes of [`Self::sides`].
+    pub fn place(self, uv: [f64; 2]) -> [f64; 3] {
+        self.point(uv, self.at)
+    }
+
     /// The axis as a letter.
     pub fn letter(self) -> char {
         ['x', 'y', 'z'][self.axis.index()]

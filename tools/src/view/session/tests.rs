@@ -6,8 +6,46 @@ const SIZE: [u32; 2] = [800, 600];
 fn session() -> Session {
     let bounds = [[0.0, -10.0, 2.0], [40.0, 10.0, 12.1]];
     let styles = ["solid", "boundary"].map(str::to_owned).into();
-    let part = ViewedStore { bounds, unit: "mm".to_owned(), pitch: 0.5, styles };
+    let part = ViewedStore { bounds, unit: "mm".to_owned(), pitch: 0.5, styles, voids: voids() };
     Session::new(part, View::named("front").unwrap(), 0, SIZE)
+}
+
+/// Two voids of a table, one of them beside the part.
+fn voids() -> Vec<VoidPlace> {
+    let void = |id, centre: [f64; 3], half: f64| VoidPlace {
+        id,
+        centre,
+        low: centre.map(|c| c - half),
+        high: centre.map(|c| c + half),
+    };
+    vec![void(1, [10.0, 2.0, 7.0], 1.5), void(2, [30.0, -4.0, 9.0], 0.5)]
+}
+
+#[test]
+fn voids_are_looked_at_one_by_one_and_cut_through() {
+    let mut session = session();
+    assert!(!session.status().contains("void"));
+    for (key, id) in [("n", 1), ("n", 2), ("n", 1), ("b", 2), ("b", 1)] {
+        keys(&mut session, key);
+        let (shot, void) = (session.shot(), voids()[id - 1]);
+        assert_eq!(seen(&session, void.centre), [0.0; 2]);
+        let cut = shot.cut.expect("a cut");
+        assert!(cut.axis == Axis::Z && cut.at == void.centre[2] && cut.above);
+        // All of the void is in the window.
+        assert!(shot.focus.height > void.high[0] - void.low[0]);
+        assert!(session.status().contains(&format!("void {id} of 2")), "{}", session.status());
+    }
+    // Across the axis of the cut, the same side stays.
+    keys(&mut session, "xx");
+    assert!(session.go_to_void(2) && !session.go_to_void(3));
+    let cut = session.shot().cut.expect("a cut");
+    assert!(cut.axis == Axis::X && cut.at == 30.0 && !cut.above);
+    // Without a table nothing happens.
+    let part = ViewedStore { voids: Vec::new(), ..session.part().clone() };
+    let mut bare = Session::new(part, View::named("front").unwrap(), 0, SIZE);
+    let before = bare.shot();
+    keys(&mut bare, "nb");
+    assert!(bare.shot() == before);
 }
 
 fn keys(session: &mut Session, keys: &str) {

@@ -1,23 +1,33 @@
-//! Words within a section: where each stands, and its pixels.
+//! Words within a picture: where each stands, and its pixels.
 
-use crate::picture::{Canvas, GLYPH_HEIGHT, Rgba, WHITE, text_width};
+use super::canvas::Canvas;
+use super::colour::{Rgba, WHITE};
+use super::font::{GLYPH_HEIGHT, text_width};
 
 /// Pixels of a letter's dot, and around a word.
 const DOT: usize = 2;
 const MARGIN: usize = 2;
 const BLACK: Rgba = [0, 0, 0, 255];
 
-/// A word at a place of a section.
+/// A word at a place of a picture.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SectionLabel {
-    /// World coordinates of its middle, by the axes of [`super::Plane::sides`].
+pub struct Label {
+    /// Where its middle is: world coordinates by the axes of `Plane::sides` in sections, pixels from the upper left corner in
+    /// pictures in space.
     pub at: [f64; 2],
     /// What is written.
     pub text: String,
 }
 
+impl Label {
+    /// Pixels that a word takes.
+    pub fn size(text: &str) -> [usize; 2] {
+        [text_width(text, DOT) + 2 * MARGIN, GLYPH_HEIGHT * DOT + 2 * MARGIN]
+    }
+}
+
 /// The pixels of a word, with the upper left one of the picture that they cover first.
-pub(super) struct LabelPixels {
+pub(crate) struct LabelPixels {
     at: [usize; 2],
     canvas: Canvas,
 }
@@ -40,14 +50,14 @@ impl LabelPixels {
 
 /// The marks of labels in a picture of this size, each first label before those that it would cover: these are left out, as are
 /// those beside the picture. `place` gives the pixel at a label's middle, from the upper left one.
-pub(super) fn marks(
-    labels: &[SectionLabel],
+pub(crate) fn marks(
+    labels: &[Label],
     size: [usize; 2],
     place: impl Fn([f64; 2]) -> [f64; 2],
 ) -> Vec<LabelPixels> {
     let mut marks: Vec<LabelPixels> = Vec::new();
     for label in labels {
-        let word = [text_width(&label.text, DOT) + 2 * MARGIN, GLYPH_HEIGHT * DOT + 2 * MARGIN];
+        let word = Label::size(&label.text);
         let middle = place(label.at);
         let inside = (0..2).all(|a| middle[a] >= 0.0 && middle[a] < size[a] as f64);
         if !inside || (0..2).any(|a| word[a] > size[a]) {
@@ -70,7 +80,7 @@ mod tests {
 
     #[test]
     fn words_stand_in_the_picture_and_cover_no_others() {
-        let label = |x: f64, y: f64, text: &str| SectionLabel { at: [x, y], text: text.to_owned() };
+        let label = |x: f64, y: f64, text: &str| Label { at: [x, y], text: text.to_owned() };
         let labels =
             [label(30.0, 25.0, "7"), label(34.0, 26.0, "8"), label(1.0, 1.0, "9"), label(-5.0, 3.0, "1")];
         let found = marks(&labels, [60, 40], |at| at);

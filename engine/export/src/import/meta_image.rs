@@ -1,0 +1,109 @@
+//! MetaImage: a text of `Name = value` lines, with the samples behind it or in another file.
+
+use super::description::equal;
+use super::grid::{Grid, Number, Place};
+use crate::error::{Error, Result};
+use crate::mmap::MappedFile;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// The text ends within so many bytes.
+const MOST_BYTES: usize = 1 << 16;
+
+/// The lines of the text by name, and where it ends.
+struct Header<'a> {
+    path: &'a Path,
+    lines: HashMap<String, String>,
+    end: usize,
+}
+
+impl<'a> Header<'a> {
+    fn of(path: &'a Path, bytes: &[u8]) -> Result<Header<'a>> {
+        let (mut lines, mut at) = (HashMap::new(), 0);
+        let text = &bytes[..bytes.len().min(MOST_BYTES)];
+        while let Some(length) = text[at..].iter().position(|&b| b == b'\n') {
+            let Ok(line) = std::str::from_utf8(&text[at..at + length]) else { break };
+            at += length + 1;
+            let Some((name, value)) = line.split_once('=') else { break };
+            lines.insert(name.trim().to_ascii_lowercase(), value.trim().to_owned());
+            if name.trim() == "ElementDataFile" {
+                return Ok(Header { path, lines, end: at });
+            }
+        }
+        let what = "has no line \"ElementDataFile = …\"";
+        Err(Error::input(path, format!("byte {at}"), what, "write it as MetaImage again, as by ITK"))
+    }
+
+    fn text(&self, name: &str) -> Option<&str> {
+        self.lines.get(&name.to_ascii_lowercase()).map(String::as_str)
+    }
+
+    fn error(&self, name: &str, remedy: &str) -> Error {
+        let what = self.text(name).map_or("is missing".to_owned(), |value| format!("is {value}"));
+        Error::input(self.path, name, what, remedy)
+    }
+
+    fn is_true(&self, name: &str) -> bool {
+        self.text(name).is_some_and(|value| value.eq_ignore_ascii_case("true"))
+    }
+
+    fn three(&self, name: &str) -> Option<[f64; 3]> {
+        let numbers: Vec<f64> = self
+            .text(name)?
+            .split_whitespace()
+            .map(str::parse)
+            .collect::<std::result::Result<_, _>>()
+            .ok()?;
+        numbers.try_into().ok()
+    }
+}
+
+/// Opens an image.
+pub(super) fn open(path: &Path) -> Result<Grid> {
+    let file = MappedFile::open(path)?;
+    let header = Header::of(path, file.bytes())?;
+    if header.is_true("CompressedData") {
+        return Err(header.error("CompressedData", "write it without compression"));
+    }
+    if header.is_true("BinaryDataByteOrderMSB") || header.is_true("ElementByteOrderMSB") {
+        return Err(header.error("BinaryDataByteOrderMSB", "write it in little-endian order"));
+    }
+    if header.text("ElementNumberOfChannels").is_some_and(|channels| channels != "1") {
+        return Err(header.error("ElementNumberOfChannels", "write one value a sample"));
+    }
+    let turned = header.text("TransformMatrix").is_some_and(|matrix| {
+        let numbers = matrix.split_whitespace().map(|n| n.parse::<f64>().unwrap_or(f64::NAN));
+        !numbers.eq([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+    });
+    if turned {
+        return Err(header.error("TransformMatrix", "sample it anew along the axes"));
+    }
+    let number = match header.text("ElementType") {
+        Some("MET_CHAR") => Number::I8,
+        Some("MET_UCHAR") => Number::U8,
+        Some("MET_SHORT") => Number::I16,
+        Some("MET_USHORT") => Number::U16,
+        Some("MET_INT") => Number::I32,
+        Some("MET_UINT") => Number::U32,
+        Some("MET_FLOAT") => Number::F32,
+        Some("MET_DOUBLE") => Number::F64,
+        _ => return Err(header.error("ElementType", "write it as MET_SHORT or MET_FLOAT")),
+    };
+    let counts = header.three("DimSize").filter(|n| n.iter().all(|n| *n >= 1.0 && n.fract() == 0.0));
+    let shape = counts.ok_or_else(|| header.error("DimSize", "give a volume of three axes"))?;
+    let steps = header.three("ElementSpacing").or_else(|| header.three("ElementSize")).unwrap_or([1.0; 3]);
+    let origin =
+        ["Offset", "Position", "Origin"].iter().find_map(|name| header.three(name)).unwrap_or([0.0; 3]);
+    let place = Place { origin, spacing: equal(path, steps)?, unit: None, holds_distances: false };
+    let name = header.text("ElementDataFile").unwrap_or_default().to_owned();
+    let layout = (number, shape.map(|n| n as usize));
+    if name == "LOCAL" {
+        let end = header.end;
+        return Grid::new(path, file, end, layout, place, "MetaImage volume");
+    }
+    if name.starts_with("LIST") || name.contains('%') {
+        return Err(header.error("ElementDataFile", "write all samples into one file"));
+    }
+    let data = path.parent().unwrap_or(Path::new("")).join(name);
+    Grid::new(&data, MappedFile::open(&data)?, 0, layout, place, "MetaImage volume")
+}

@@ -1,0 +1,44 @@
+//! `brickfield info` of a volume that another tool wrote.
+
+use crate::args::InfoArgs;
+use crate::failure::Failure;
+use crate::output::{in_line, print, print_json};
+use brickfield_engine::import::Grid;
+use serde_json::json;
+use std::path::Path;
+
+/// Says where the samples of a volume lie and what they are.
+pub(super) fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
+    if args.volume {
+        let what = format!("--volume takes a store; {} is a volume: build it first", in_line(file));
+        return Err(Failure::Usage(what));
+    }
+    let grid = Grid::open(file)?;
+    let ([x, y, z], origin, spacing) = (grid.shape(), grid.origin(), grid.spacing());
+    let last: [f64; 3] = std::array::from_fn(|a| origin[a] + (grid.shape()[a] - 1) as f64 * spacing);
+    let values = if grid.holds_distances() { "distances" } else { "winding numbers or grey values" };
+    if args.json {
+        return print_json(&json!({
+            "file": file.display().to_string(),
+            "format": grid.format(),
+            "shape": [z, y, x],
+            "type": grid.type_name(),
+            "holds_distances": grid.holds_distances(),
+            "spacing": spacing,
+            "origin": origin,
+            "last": last,
+            "unit": grid.unit(),
+        }));
+    }
+    let unit = grid.unit().unwrap_or("units");
+    let place = |p: [f64; 3]| format!("({:.6}, {:.6}, {:.6})", p[0], p[1], p[2]);
+    print(&format!(
+        "{}: {}\n  samples  {x} × {y} × {z} of type {}, {values}\n  spacing  {spacing} {unit}\n  samples  from {} to {}\n  \
+         build    `brickfield build` takes it: solid is 0.5 and more, or what --threshold says; --volume-as sdf: below 0",
+        in_line(file),
+        grid.format(),
+        grid.type_name(),
+        place(origin),
+        place(last)
+    ))
+}

@@ -1,0 +1,158 @@
+//! What the user types for what analyses find, in pictures.
+
+use crate::distance_args::{AlignArg, MeasureArg, angle};
+use crate::picture_args::StyleArg;
+use crate::units::Length;
+use brickfield_engine::voids::Class;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// What an analysis finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Finding {
+    /// Voids, each in a colour
+    Voids,
+    /// How thick walls are, or how wide gaps
+    Thickness,
+    /// How far the surface is from a reference
+    Deviation,
+    /// What is new since an earlier store
+    #[value(skip)]
+    Changes,
+}
+
+impl Finding {
+    /// By their names as styles.
+    pub const NAMED: [(&'static str, Finding); 4] = [
+        ("voids", Finding::Voids),
+        ("thickness", Finding::Thickness),
+        ("deviation", Finding::Deviation),
+        ("changes", Finding::Changes),
+    ];
+}
+
+/// What a picture in space shows.
+#[derive(Clone, Debug)]
+pub enum ShownArg {
+    /// w.
+    Style(StyleArg),
+    /// What an analysis finds.
+    Finding(Finding),
+}
+
+impl FromStr for ShownArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<ShownArg, String> {
+        if let Some((_, finding)) = Finding::NAMED.into_iter().find(|(name, _)| *name == text) {
+            return Ok(ShownArg::Finding(finding));
+        }
+        let names = Finding::NAMED.map(|(name, _)| name).join(", ");
+        let style = text.parse().map(ShownArg::Style);
+        style.map_err(|error: String| format!("{error}; {names} show what is found"))
+    }
+}
+
+/// What decides the colours of voids.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ColourByArg {
+    /// What they are taken for
+    Class,
+    /// How large they are, by their equivalent diameters
+    Size,
+}
+
+/// What a void is taken for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ClassArg {
+    Pocket,
+    Infill,
+    Flaw,
+}
+
+impl From<ClassArg> for Class {
+    fn from(class: ClassArg) -> Class {
+        match class {
+            ClassArg::Pocket => Class::Pocket,
+            ClassArg::Infill => Class::Infill,
+            ClassArg::Flaw => Class::Flaw,
+        }
+    }
+}
+
+/// Options of `--style voids`, `thickness`, `deviation` and `changes`.
+#[derive(Args)]
+#[command(next_help_heading = "What is found")]
+pub struct FindingArgs {
+    /// Of voids: what decides their colours; the class by default, where the store tells it
+    #[arg(long, value_enum)]
+    pub colour_by: Option<ColourByArg>,
+    /// Of voids: colour those of some classes alone, as in pocket,flaw
+    #[arg(long, value_enum, value_name = "CLASS", value_delimiter = ',')]
+    pub classes: Vec<ClassArg>,
+    /// Of thickness: what it is, as in `thickness` [default: sphere]
+    #[arg(long = "method", value_enum)]
+    pub measure: Option<MeasureArg>,
+    /// Of thickness: surface turned by less than this does not bound balls, as in `thickness` [default: 100]
+    #[arg(long, value_name = "ANGLE", value_parser = angle)]
+    pub separation: Option<f64>,
+    /// Of thickness: gaps outside of the part instead of walls
+    #[arg(long)]
+    pub gaps: bool,
+    /// Of thickness: colour what is thinner than this alone, as in 0.8mm
+    #[arg(long, value_name = "LEN")]
+    pub below: Option<Length>,
+    /// Of thickness and deviation: where the colours end, as in 2mm; by default where 98 of 100 points of the surface are within
+    #[arg(long, value_name = "LEN", conflicts_with = "below")]
+    pub range: Option<Length>,
+    /// Of deviation: what the part should be, a mesh or a store
+    #[arg(long, value_name = "REFERENCE")]
+    pub reference: Option<PathBuf>,
+    /// Of deviation: what is allowed to either side, in one colour, as in 0.2mm
+    #[arg(long = "within", id = "allowed", value_name = "LEN")]
+    pub within: Option<Length>,
+    /// Of deviation: how the part is laid over the reference, as in `deviation` [default: none]
+    #[arg(long, value_enum)]
+    pub align: Option<AlignArg>,
+    /// Of changes: the store as it was before `csg` or `machine`, on the same lattice
+    #[arg(long, value_name = "PART.brf")]
+    pub before: Option<PathBuf>,
+    /// Folder of a temporary file for what of surfaces does not fit into memory; the output's own by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
+}
+
+impl FindingArgs {
+    /// Options that were given and belong to one kind of finding, with it.
+    pub fn given(&self) -> impl Iterator<Item = (&'static str, Finding)> {
+        use Finding::{Changes, Deviation, Thickness, Voids};
+        let all = [
+            (self.colour_by.is_some(), "--colour-by", Voids),
+            (!self.classes.is_empty(), "--classes", Voids),
+            (self.measure.is_some(), "--method", Thickness),
+            (self.separation.is_some(), "--separation", Thickness),
+            (self.gaps, "--gaps", Thickness),
+            (self.below.is_some(), "--below", Thickness),
+            (self.reference.is_some(), "--reference", Deviation),
+            (self.within.is_some(), "--within", Deviation),
+            (self.align.is_some(), "--align", Deviation),
+            (self.before.is_some(), "--before", Changes),
+        ];
+        all.into_iter().filter(|(is_given, ..)| *is_given).map(|(_, option, finding)| (option, finding))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn findings_are_styles_of_their_own() {
+        assert!(matches!("voids".parse(), Ok(ShownArg::Finding(Finding::Voids))));
+        assert!(matches!("solid".parse(), Ok(ShownArg::Style(StyleArg::Named(_)))));
+        assert!(matches!("a.toml".parse(), Ok(ShownArg::Style(StyleArg::File(_)))));
+        let error = "nonsense".parse::<ShownArg>().unwrap_err();
+        assert!(["voids", "deviation", "solid", ".toml"].iter().all(|name| error.contains(name)), "{error}");
+    }
+}
