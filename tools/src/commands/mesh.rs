@@ -1,7 +1,7 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
 use super::mesh_check::{CheckOutcome, require_sound};
-use super::mesh_detail::{self, Detail};
+use super::mesh_detail::{self, MeshDetail};
 use super::mesh_shells::{self, ShellChoice, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
@@ -109,7 +109,7 @@ fn run_coarse(
     let options = ContourOptions { tolerance: made.tolerance, ..options };
     let tree = FractionTree::new(&made.lattice, made.kept.depth);
     let mut report = write_chosen((args, &chosen), (store, &tree), &options, (output, sink), bars)?;
-    let mut detail = Detail::of(&made, store, bars)?;
+    let mut detail = MeshDetail::of(&made, store, bars)?;
     detail.measure(&made, (&options, memory), store, bars)?;
     let unit = &report.unit;
     if let Some(expected) = source {
@@ -313,7 +313,7 @@ pub struct MeshReport {
     cell: f64,
     /// Of a mesh of fractions.
     #[serde(skip_serializing_if = "Option::is_none")]
-    detail: Option<Detail>,
+    detail: Option<MeshDetail>,
     /// What was kept and left out, where shells were told apart.
     #[serde(skip_serializing_if = "Option::is_none")]
     shells: Option<Shells>,

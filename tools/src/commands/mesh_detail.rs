@@ -184,7 +184,7 @@ pub fn options_of(args: &MeshArgs, store: &Store, cache_bytes: usize) -> Result<
 
 /// What a mesh of fractions is.
 #[derive(Serialize)]
-pub struct Detail {
+pub struct MeshDetail {
     /// Edge of the coarse cells.
     pub cell: f64,
     /// The store's cells in one of them, along an axis.
@@ -202,12 +202,12 @@ pub struct Detail {
     pub distances: Option<[Distances; 2]>,
 }
 
-impl Detail {
+impl MeshDetail {
     /// Of a mesh and the store that it is of.
     ///
     /// # Errors
     /// What reading the store gives.
-    pub fn of(made: &SizedMesh, store: &Store, bars: &dyn Progress) -> Result<Detail, Failure> {
+    pub fn of(made: &SizedMesh, store: &Store, bars: &dyn Progress) -> Result<MeshDetail, Failure> {
         let fine =
             label(store, Connectivity::default(), bars).map_err(|error| of_store(store, "detail", error))?;
         let of = |solid: bool| {
@@ -215,7 +215,7 @@ impl Detail {
             let Total { value, error } = fine.total(store.root(), solid);
             ShellRegions { count, volume: value, volume_error: Some(error) }
         };
-        Ok(Detail {
+        Ok(MeshDetail {
             cell: made.lattice.cell(),
             factor: made.lattice.factor(),
             fraction: made.kept.fraction,
@@ -252,7 +252,7 @@ impl Detail {
 
     /// For people.
     pub fn text(&self, shells: &Shells, unit: &str) -> String {
-        let Detail { cell, factor, fraction, tolerance, voids, pieces, distances } = self;
+        let MeshDetail { cell, factor, fraction, tolerance, voids, pieces, distances } = self;
         let [of_voids, mut of_pieces] = [shells.all_voids(), shells.all_pieces()];
         // Shells enclose their voids as well.
         of_pieces.volume -= of_voids.volume;

@@ -174,7 +174,7 @@ fn check(
                 return Err(refused(what).into());
             }
             ScriptStep::Style(name) if !looks.names.contains(name) => {
-                drop(looks.add(Path::new(name), store)?)
+                looks.add(Path::new(name), store)?;
             }
             ScriptStep::Screenshot(path) if !outputs.contains(&path.as_path()) => outputs.push(path),
             _ => {}

@@ -1,6 +1,6 @@
 //! The JSON beside a `.npy` or `.raw` file that tells where its samples lie, as `export` writes it.
 
-use super::grid::{Grid, Number, Place};
+use super::grid::{Grid, GridPlacement, SampleType};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use serde_json::Value;
@@ -48,10 +48,10 @@ impl Description {
     }
 
     /// Where samples lie.
-    pub fn place(&self, volume: &Path) -> Result<Place> {
+    pub fn place(&self, volume: &Path) -> Result<GridPlacement> {
         let origin = self.numbers("origin").ok_or_else(|| self.error("origin", "is not three numbers"))?;
         let steps = self.numbers("spacing").ok_or_else(|| self.error("spacing", "is no number"))?;
-        Ok(Place {
+        Ok(GridPlacement {
             origin,
             spacing: equal(volume, steps)?,
             unit: self.value["unit"].as_str().map(str::to_owned).filter(|unit| !unit.is_empty()),
@@ -60,8 +60,8 @@ impl Description {
     }
 
     /// The type of the values and how many there are along x, y and z.
-    fn layout(&self) -> Result<(Number, [usize; 3])> {
-        let number = self.value["dtype"].as_str().and_then(Number::of_numpy);
+    fn layout(&self) -> Result<(SampleType, [usize; 3])> {
+        let number = self.value["dtype"].as_str().and_then(SampleType::of_numpy);
         let number = number.ok_or_else(|| self.error("dtype", "is no type that is read, as \"<i2\""))?;
         let shape = self.numbers("shape").filter(|_| self.value["shape"].is_array());
         let [z, y, x] = shape.ok_or_else(|| self.error("shape", "is not three numbers"))?;

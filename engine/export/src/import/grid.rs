@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Types of values, little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Number {
+pub(super) enum SampleType {
     I8,
     U8,
     I16,
@@ -17,42 +17,42 @@ pub(super) enum Number {
     F64,
 }
 
-impl Number {
+impl SampleType {
     /// Bytes of a value.
     pub fn bytes(self) -> usize {
         match self {
-            Number::I8 | Number::U8 => 1,
-            Number::I16 | Number::U16 => 2,
-            Number::I32 | Number::U32 | Number::F32 => 4,
-            Number::F64 => 8,
+            SampleType::I8 | SampleType::U8 => 1,
+            SampleType::I16 | SampleType::U16 => 2,
+            SampleType::I32 | SampleType::U32 | SampleType::F32 => 4,
+            SampleType::F64 => 8,
         }
     }
 
     /// NumPy's name.
     fn numpy(self) -> &'static str {
         match self {
-            Number::I8 => "i1",
-            Number::U8 => "u1",
-            Number::I16 => "<i2",
-            Number::U16 => "<u2",
-            Number::I32 => "<i4",
-            Number::U32 => "<u4",
-            Number::F32 => "<f4",
-            Number::F64 => "<f8",
+            SampleType::I8 => "i1",
+            SampleType::U8 => "u1",
+            SampleType::I16 => "<i2",
+            SampleType::U16 => "<u2",
+            SampleType::I32 => "<i4",
+            SampleType::U32 => "<u4",
+            SampleType::F32 => "<f4",
+            SampleType::F64 => "<f8",
         }
     }
 
     /// By NumPy's name.
-    pub fn of_numpy(name: &str) -> Option<Number> {
+    pub fn of_numpy(name: &str) -> Option<SampleType> {
         Some(match name.trim_start_matches(['<', '|', '=']) {
-            "i1" => Number::I8,
-            "u1" | "b1" => Number::U8,
-            "i2" => Number::I16,
-            "u2" => Number::U16,
-            "i4" => Number::I32,
-            "u4" => Number::U32,
-            "f4" => Number::F32,
-            "f8" => Number::F64,
+            "i1" => SampleType::I8,
+            "u1" | "b1" => SampleType::U8,
+            "i2" => SampleType::I16,
+            "u2" => SampleType::U16,
+            "i4" => SampleType::I32,
+            "u4" => SampleType::U32,
+            "f4" => SampleType::F32,
+            "f8" => SampleType::F64,
             _ => return None,
         })
     }
@@ -60,7 +60,7 @@ impl Number {
 
 /// Where the samples of a grid lie in the world.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct GridPlacement {
     /// Position of the first sample.
     pub origin: [f64; 3],
     /// Distance of two samples.
@@ -76,9 +76,9 @@ pub struct Grid {
     file: MappedFile,
     /// Where the samples begin.
     first: usize,
-    number: Number,
+    number: SampleType,
     shape: [usize; 3],
-    place: Place,
+    place: GridPlacement,
     format: &'static str,
 }
 
@@ -88,8 +88,8 @@ impl Grid {
         name: &Path,
         file: MappedFile,
         first: usize,
-        (number, shape): (Number, [usize; 3]),
-        place: Place,
+        (number, shape): (SampleType, [usize; 3]),
+        place: GridPlacement,
         format: &'static str,
     ) -> Result<Grid> {
         let bytes = shape.iter().try_fold(number.bytes(), |bytes, &n| bytes.checked_mul(n));
@@ -160,14 +160,14 @@ impl Grid {
             std::array::from_fn(|n| bytes[n])
         }
         match self.number {
-            Number::I8 => f64::from(bytes[0] as i8),
-            Number::U8 => f64::from(bytes[0]),
-            Number::I16 => f64::from(i16::from_le_bytes(array(bytes))),
-            Number::U16 => f64::from(u16::from_le_bytes(array(bytes))),
-            Number::I32 => f64::from(i32::from_le_bytes(array(bytes))),
-            Number::U32 => f64::from(u32::from_le_bytes(array(bytes))),
-            Number::F32 => f64::from(f32::from_le_bytes(array(bytes))),
-            Number::F64 => f64::from_le_bytes(array(bytes)),
+            SampleType::I8 => f64::from(bytes[0] as i8),
+            SampleType::U8 => f64::from(bytes[0]),
+            SampleType::I16 => f64::from(i16::from_le_bytes(array(bytes))),
+            SampleType::U16 => f64::from(u16::from_le_bytes(array(bytes))),
+            SampleType::I32 => f64::from(i32::from_le_bytes(array(bytes))),
+            SampleType::U32 => f64::from(u32::from_le_bytes(array(bytes))),
+            SampleType::F32 => f64::from(f32::from_le_bytes(array(bytes))),
+            SampleType::F64 => f64::from_le_bytes(array(bytes)),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! MetaImage: a text of `Name = value` lines, with the samples behind it or in another file.
 
 use super::description::equal;
-use super::grid::{Grid, Number, Place};
+use super::grid::{Grid, GridPlacement, SampleType};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use std::collections::HashMap;
@@ -79,14 +79,14 @@ pub(super) fn open(path: &Path) -> Result<Grid> {
         return Err(header.error("TransformMatrix", "sample it anew along the axes"));
     }
     let number = match header.text("ElementType") {
-        Some("MET_CHAR") => Number::I8,
-        Some("MET_UCHAR") => Number::U8,
-        Some("MET_SHORT") => Number::I16,
-        Some("MET_USHORT") => Number::U16,
-        Some("MET_INT") => Number::I32,
-        Some("MET_UINT") => Number::U32,
-        Some("MET_FLOAT") => Number::F32,
-        Some("MET_DOUBLE") => Number::F64,
+        Some("MET_CHAR") => SampleType::I8,
+        Some("MET_UCHAR") => SampleType::U8,
+        Some("MET_SHORT") => SampleType::I16,
+        Some("MET_USHORT") => SampleType::U16,
+        Some("MET_INT") => SampleType::I32,
+        Some("MET_UINT") => SampleType::U32,
+        Some("MET_FLOAT") => SampleType::F32,
+        Some("MET_DOUBLE") => SampleType::F64,
         _ => return Err(header.error("ElementType", "write it as MET_SHORT or MET_FLOAT")),
     };
     let counts = header.three("DimSize").filter(|n| n.iter().all(|n| *n >= 1.0 && n.fract() == 0.0));
@@ -94,7 +94,7 @@ pub(super) fn open(path: &Path) -> Result<Grid> {
     let steps = header.three("ElementSpacing").or_else(|| header.three("ElementSize")).unwrap_or([1.0; 3]);
     let origin =
         ["Offset", "Position", "Origin"].iter().find_map(|name| header.three(name)).unwrap_or([0.0; 3]);
-    let place = Place { origin, spacing: equal(path, steps)?, unit: None, holds_distances: false };
+    let place = GridPlacement { origin, spacing: equal(path, steps)?, unit: None, holds_distances: false };
     let name = header.text("ElementDataFile").unwrap_or_default().to_owned();
     let layout = (number, shape.map(|n| n as usize));
     if name == "LOCAL" {

@@ -8,7 +8,7 @@ const INK: Rgba = [40, 40, 40, 255];
 const GRADIENT: usize = 96;
 
 /// What a legend says.
-pub(super) struct Legend<'a> {
+pub(super) struct SectionLegend<'a> {
     pub title: String,
     /// Colours of w, where it is shown.
     pub scale: Option<Scale>,
@@ -19,7 +19,7 @@ pub(super) struct Legend<'a> {
     pub unit: &'a str,
 }
 
-impl Legend<'_> {
+impl SectionLegend<'_> {
     /// Two lines below a picture of that width, wider than it where they have to be: title and scale bar, then colours.
     pub fn draw(&self, width: usize) -> Canvas {
         let dot = ((width + 200) / 400).clamp(1, 16);

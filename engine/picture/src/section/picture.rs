@@ -1,7 +1,7 @@
 //! w in a plane as a picture.
 
 use super::brick_finder::{BrickFinder, nearest, trilinear};
-use super::legend::Legend;
+use super::legend::SectionLegend;
 use super::plane::Plane;
 use crate::error::{Error, Result};
 use crate::lattice::{ROOT_BITS, RootCube, spacing_bits};
@@ -158,7 +158,7 @@ pub fn write_tinted_picture(
     let legend = what.legend.as_ref().map(|unit| {
         let title = format!("{} = {} {unit}", what.plane.letter(), plain(what.plane.at));
         let scale = tinted.is_none().then_some(scale);
-        Legend { title, scale, range, pixel, unit }.draw(grid.size[0])
+        SectionLegend { title, scale, range, pixel, unit }.draw(grid.size[0])
     });
     let below = tinted.and_then(|tinted| tinted.legend).map(|legend| legend(grid.size[0]));
     let legends = || legend.iter().chain(&below);

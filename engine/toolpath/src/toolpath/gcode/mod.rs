@@ -69,7 +69,7 @@ pub use firmware::Firmware;
 pub use layer_axis::LayerAxis;
 pub use plan::ExtruderAxis;
 pub use report::{
-    ArcReport, BlobReport, FeatureReport, FilamentSource, Finding, FirmwareSource, GcodeReport,
+    ArcReport, BlobReport, FeatureReport, FilamentSource, FirmwareSource, GcodeFinding, GcodeReport,
     MachineReport, SettingsReport, SizeReport, SkipReport, UnitSource,
 };
 
@@ -366,7 +366,7 @@ fn report_filament(report: &mut GcodeReport, diameters: Vec<f64>, source: Filame
         let diameter = diameters.first().copied().unwrap_or_default();
         let what =
             format!("the filament's diameter is assumed to be {diameter} mm: the file does not tell it");
-        report.notes.insert(0, Finding { what, line: 0, count: 1 });
+        report.notes.insert(0, GcodeFinding { what, line: 0, count: 1 });
     }
     (report.filament_diameters, report.filament_source) = (diameters, source);
 }

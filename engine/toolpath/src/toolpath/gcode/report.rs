@@ -74,9 +74,9 @@ pub struct GcodeReport {
     /// What the file was taken for.
     pub machine: MachineReport,
     /// Commands and words that the reader does not know, each once.
-    pub unknown: Vec<Finding>,
+    pub unknown: Vec<GcodeFinding>,
     /// Assumptions, approximations and oddities, each kind once.
-    pub notes: Vec<Finding>,
+    pub notes: Vec<GcodeFinding>,
 }
 
 /// What a file was taken for.
@@ -250,7 +250,7 @@ pub struct SkipReport {
 
 /// Something found at one line or more.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Finding {
+pub struct GcodeFinding {
     /// What.
     pub what: String,
     /// The first line.
@@ -262,7 +262,7 @@ pub struct Finding {
 impl GcodeReport {
     /// What a user should know, one line each.
     pub fn warnings(&self) -> Vec<String> {
-        let places = |found: &Finding| match (found.line, found.count) {
+        let places = |found: &GcodeFinding| match (found.line, found.count) {
             (0, _) => String::new(),
             (line, 1) => format!(" (line {line})"),
             (line, count) => format!(" (line {line} and {} more)", count - 1),
@@ -321,7 +321,7 @@ impl GcodeReport {
     /// Counts a number with an exponent, or one that could have one: each is told by the first of its kind.
     pub(super) fn exponent(&mut self, what: String, line: u64) {
         let same =
-            |found: &&mut Finding| found.what.contains("exponent") && found.what.starts_with(&what[..1]);
+            |found: &&mut GcodeFinding| found.what.contains("exponent") && found.what.starts_with(&what[..1]);
         match self.notes.iter_mut().find(same) {
             Some(found) => found.count += 1,
             None => self.note(&what, line),
@@ -334,12 +334,12 @@ impl GcodeReport {
     }
 }
 
-fn count(list: &mut Vec<Finding>, what: &str, line: u64) {
+fn count(list: &mut Vec<GcodeFinding>, what: &str, line: u64) {
     let listed = list.len();
     match list.iter_mut().find(|found| found.what == what) {
         Some(found) => found.count += 1,
-        None if listed < LISTED_MAX => list.push(Finding { what: what.to_owned(), line, count: 1 }),
-        None if listed == LISTED_MAX => list.push(Finding { what: "more".to_owned(), line, count: 1 }),
+        None if listed < LISTED_MAX => list.push(GcodeFinding { what: what.to_owned(), line, count: 1 }),
+        None if listed == LISTED_MAX => list.push(GcodeFinding { what: "more".to_owned(), line, count: 1 }),
         None => list[LISTED_MAX].count += 1,
     }
 }
