@@ -58,7 +58,7 @@ const CRATES: [(&str, &[Room]); 15] = [
         ],
     ),
     ("coding", &[("range", &[]), ("bsp", &["range"])]),
-    ("export", &[("export", &[])]),
+    ("export", &[("export", &[]), ("import", &[])]),
     ("splats", &[("splats", &[]), ("draw", &["splats"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     ("overlay", &[("overlay", &[])]),
