@@ -68,7 +68,7 @@
 //!
 //! | feature | modules |
 //! |---|---|
-//! | `export` | [`export`] |
+//! | `export` | [`export`], [`import`] |
 //! | `pictures` | [`picture`], [`section`], [`render`], [`overlay`]; `Octree::write_slice` and `write_picture` |
 //! | `splats` | [`splats`], [`bsp`], [`draw`]; brings `pictures` |
 //!
@@ -97,6 +97,7 @@ pub use brickfield_builder::{backend, build, volumes};
 pub use brickfield_coding::bsp;
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
+#[cfg(feature = "export")]
 pub use brickfield_export::{export, import};
 pub use brickfield_gpu::gpu;
 pub use brickfield_io::{check, ingest, pieces};
