@@ -1,6 +1,6 @@
 //! Colours of what analyses find, and what they mean.
 
-use super::findings::Found;
+use super::findings::Findings;
 use super::unit_of;
 use super::voids::length_told;
 use crate::failure::Failure;
@@ -47,10 +47,10 @@ impl Colours<'_> {
     pub fn numbered<'s>(
         &self,
         frame: Frame<'s>,
-        found: &Found,
+        found: &Findings,
         store: &Store,
     ) -> Result<Frame<'s>, brickfield_engine::Error> {
-        let (Colours::Voids(tint), Found::Voids { found, .. }) = (self, found) else { return Ok(frame) };
+        let (Colours::Voids(tint), Findings::Voids { found, .. }) = (self, found) else { return Ok(frame) };
         let cell = store.root().spacing(store.meta().depth);
         let labels = numbers_seen(&frame, tint, &found.voids, cell)?;
         Ok(frame.with_labels(labels))
@@ -85,30 +85,32 @@ impl Colours<'_> {
     }
 }
 
-impl Found {
+impl Findings {
     /// What is drawn of the part itself.
     pub fn style(&self) -> Style {
         match self {
-            Found::Voids { .. } => Style::haze(),
-            Found::Thickness { .. } | Found::Deviation { .. } | Found::Changes { .. } => Style::tinted(),
+            Findings::Voids { .. } => Style::haze(),
+            Findings::Thickness { .. } | Findings::Deviation { .. } | Findings::Changes { .. } => {
+                Style::tinted()
+            }
         }
     }
 
     /// Bytes that it takes.
     pub fn bytes(&self, memory: u64) -> u64 {
         match self {
-            Found::Voids { found, .. } => found.label_bytes(),
-            Found::Thickness { .. } => memory / 4,
-            Found::Deviation { .. } => memory / 2,
-            Found::Changes { voids, .. } => memory / 8 + voids.label_bytes(),
+            Findings::Voids { found, .. } => found.label_bytes(),
+            Findings::Thickness { .. } => memory / 4,
+            Findings::Deviation { .. } => memory / 2,
+            Findings::Changes { voids, .. } => memory / 8 + voids.label_bytes(),
         }
     }
 
     /// Where a reference is inside, if it is a store.
     pub fn sides(&self) -> Result<Option<Sides<'_>>, Failure> {
         match self {
-            Found::Deviation { opened, .. } => opened.sides(),
-            Found::Voids { .. } | Found::Thickness { .. } | Found::Changes { .. } => Ok(None),
+            Findings::Deviation { opened, .. } => opened.sides(),
+            Findings::Voids { .. } | Findings::Thickness { .. } | Findings::Changes { .. } => Ok(None),
         }
     }
 
@@ -120,7 +122,7 @@ impl Found {
         bytes: u64,
     ) -> Result<Colours<'a>, Failure> {
         Ok(match self {
-            Found::Voids { found, by, shown } => {
+            Findings::Voids { found, by, shown } => {
                 let most = found.voids.first().map_or(0.0, Void::equivalent_diameter);
                 let colour = |void: &Void| match by {
                     ColourByArg::Class => class_colour(void.class),
@@ -130,14 +132,14 @@ impl Found {
                 let colours = colours.collect();
                 Colours::Voids(VoidTint::new(store, found, colours, bytes))
             }
-            Found::Thickness { surface, options, scale } => {
+            Findings::Thickness { surface, options, scale } => {
                 Colours::Thickness(ThicknessTint { surface, options: *options, scale: *scale })
             }
-            Found::Deviation { surface, opened, motion, scale } => {
+            Findings::Deviation { surface, opened, motion, scale } => {
                 let reference = opened.reference(sides);
                 Colours::Deviation(DeviationTint { surface, reference, motion: *motion, scale: *scale })
             }
-            Found::Changes { before, voids } => {
+            Findings::Changes { before, voids } => {
                 // Which void it was has no colour.
                 let colours = vec![Some(Change::Opened.colour()); voids.voids.len()];
                 let voids = VoidTint::new(&**before, voids, colours, bytes / 4);
@@ -150,10 +152,10 @@ impl Found {
     pub fn legend(&self, store: &Store, width: usize) -> Canvas {
         let unit = unit_of(store.meta());
         match self {
-            Found::Voids { found, by, shown } => {
+            Findings::Voids { found, by, shown } => {
                 legend_of_voids(store, &found.voids, (*by, shown), unit).draw(width)
             }
-            Found::Thickness { options, scale, .. } => {
+            Findings::Thickness { options, scale, .. } => {
                 let title = format!("{} in {unit}", if options.gaps { "gaps" } else { "thickness" });
                 let end = if scale.is_limit { "" } else { ">" };
                 let mut ticks =
@@ -165,13 +167,13 @@ impl Found {
                 let swatches = if scale.is_limit { vec![(plain, beyond.to_owned())] } else { Vec::new() };
                 Legend { title, bar, swatches }.draw(width)
             }
-            Found::Changes { before, .. } => {
+            Findings::Changes { before, .. } => {
                 let is_told = ![store, before].into_iter().any(has_levels);
                 let told = Change::ALL.into_iter().filter(|change| !is_told || *change != Change::Untold);
                 let swatches = told.map(|change| (change.colour(), change.name().to_owned())).collect();
                 Legend { title: String::new(), bar: None, swatches }.draw(width)
             }
-            Found::Deviation { scale, .. } => {
+            Findings::Deviation { scale, .. } => {
                 let place = |value: f64| (0.5 + 0.5 * value / scale.most, plain(value));
                 let mut values = vec![-0.5 * scale.most, 0.0, 0.5 * scale.most];
                 let mut swatches = Vec::new();

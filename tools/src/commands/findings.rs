@@ -35,7 +35,7 @@ pub(super) struct Search<'a> {
 }
 
 /// What was found in a store.
-pub(super) enum Found {
+pub(super) enum Findings {
     Voids {
         found: Box<Voids>,
         by: ColourByArg,
@@ -48,7 +48,7 @@ pub(super) enum Found {
     },
     Deviation {
         surface: Box<Surface>,
-        opened: OpenReference,
+        opened: Box<OpenReference>,
         motion: Motion,
         scale: DeviationScale,
     },
@@ -80,7 +80,7 @@ pub(super) fn require_own_options(args: &Search<'_>) -> Result<(), Failure> {
 }
 
 /// Searches the store.
-pub(super) fn search(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Option<Found>, Failure> {
+pub(super) fn search(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Option<Findings>, Failure> {
     let Some(finding) = args.shown else { return Ok(None) };
     Ok(Some(match finding {
         Finding::Voids => voids(args, store, bars)?,
@@ -98,14 +98,14 @@ pub(super) fn search(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Op
                 None => rounded_up(usual_thickness(&surface, options)?),
             };
             let scale = ThicknessScale { most, is_limit: below.is_some() };
-            Found::Thickness { surface: Box::new(surface), options, scale }
+            Findings::Thickness { surface: Box::new(surface), options, scale }
         }
         Finding::Deviation => deviation(args, store, bars)?,
         Finding::Changes => changes(args, store, bars)?,
     }))
 }
 
-fn voids(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Found, Failure> {
+fn voids(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Findings, Failure> {
     require_whole_samples(store, "what is enclosed cannot be told")?;
     let name = in_line(store.path());
     let has_identity = store.meta().beads.as_ref().is_some_and(|beads| beads.identity.is_some());
@@ -127,7 +127,7 @@ fn voids(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Found, Failure
     let is_shown =
         |void: &Void| classes.is_empty() || void.class.is_some_and(|class| classes.contains(&class));
     let shown = found.voids.iter().map(is_shown).collect();
-    Ok(Found::Voids { found: Box::new(found), by, shown })
+    Ok(Findings::Voids { found: Box::new(found), by, shown })
 }
 
 /// A length in the store's unit.
@@ -140,7 +140,7 @@ fn surface(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Surface, Fai
     Ok(Surface::new(store, args.memory / 4, folder, bars)?)
 }
 
-fn changes(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Found, Failure> {
+fn changes(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Findings, Failure> {
     let Some(path) = &args.finding.before else {
         return Err(Failure::Usage("--style changes needs --before".to_owned()));
     };
@@ -156,10 +156,10 @@ fn changes(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Found, Failu
     }
     let options = VoidOptions { memory: args.memory / 2, detail: Detail::Volumes, ..VoidOptions::default() };
     let voids = find(&before, &options, bars)?;
-    Ok(Found::Changes { before: Box::new(before), voids: Box::new(voids) })
+    Ok(Findings::Changes { before: Box::new(before), voids: Box::new(voids) })
 }
 
-fn deviation(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Found, Failure> {
+fn deviation(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Findings, Failure> {
     require_whole_samples(store, "its deviation cannot be told")?;
     let Some(reference) = &args.finding.reference else {
         return Err(Failure::Usage("--style deviation needs --reference".to_owned()));
@@ -194,7 +194,7 @@ fn deviation(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Found, Fai
     }
     let most = if range.is_some() { most } else { rounded_up(most.max(2.0 * within)) };
     let scale = DeviationScale { most, within };
-    Ok(Found::Deviation { surface: Box::new(surface), opened, motion, scale })
+    Ok(Findings::Deviation { surface: Box::new(surface), opened: Box::new(opened), motion, scale })
 }
 
 /// What lays the part over the reference: by the vertices of its mesh, as `deviation` does it.

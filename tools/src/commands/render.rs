@@ -1,6 +1,6 @@
 //! `brickfield render`: the part in space as a picture, or as pictures from all around.
 
-use super::findings::{Found, Search, require_own_options, search};
+use super::findings::{Findings, Search, require_own_options, search};
 use super::{make_folder, no_unit, of_store, open_store, require_level, start};
 use crate::devices::{BackendArg, choose};
 use crate::failure::Failure;
@@ -115,9 +115,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let caches = (caches - BRICK_CACHE_BYTES).saturating_sub(held).max(BRICK_CACHE_BYTES);
     // Labels are asked for beside bricks.
     let (label_bytes, brick_bytes) = if found.is_some() { (caches / 4, caches / 4 * 3) } else { (0, caches) };
-    let options = options(args, &store, found.as_ref().map(Found::style), brick_bytes)?;
+    let options = options(args, &store, found.as_ref().map(Findings::style), brick_bytes)?;
     let refused = |error| of_store(&store, "picture", error);
-    let sides = found.as_ref().map(Found::sides).transpose()?.flatten();
+    let sides = found.as_ref().map(Findings::sides).transpose()?.flatten();
     let colours =
         found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes)).transpose()?;
     let mut scene = Scene::new(&store, &options).map_err(refused)?;

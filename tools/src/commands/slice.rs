@@ -1,7 +1,7 @@
 //! `brickfield slice`: plane sections as pictures and drawings.
 
 use super::finding_colours::Colours;
-use super::findings::{Found, Search, require_own_options, search};
+use super::findings::{Findings, Search, require_own_options, search};
 use super::slice_layer::plane_of_layer;
 use super::{make_folder, no_unit, of_store, open_store, require_level, start, unit_of};
 use crate::failure::Failure;
@@ -104,7 +104,7 @@ pub fn run(args: &SliceArgs) -> Result<(), Failure> {
     let left = caches - brick_bytes;
     let left =
         left.saturating_sub(found.as_ref().map_or(0, |found| found.bytes(args.memory.0))).max(left / 4);
-    let sides = found.as_ref().map(Found::sides).transpose()?.flatten();
+    let sides = found.as_ref().map(Findings::sides).transpose()?.flatten();
     let colours = found.as_ref().map(|found| found.colours(&store, sides.as_ref(), left / 2)).transpose()?;
     let shown = found.as_ref().zip(colours.as_ref());
     for (plane, path) in sections {
@@ -161,7 +161,7 @@ impl Plan<'_> {
 
     fn write(
         &self,
-        (store, shown): (&Store, Option<(&Found, &Colours<'_>)>),
+        (store, shown): (&Store, Option<(&Findings, &Colours<'_>)>),
         plane: Plane,
         path: &Path,
         memory_bytes: u64,

@@ -7,6 +7,7 @@
 //! | file | owns |
 //! |---|---|
 //! | `patch` | one patch: its nearest point, where a ray meets it |
+//! | `quadratic` | the form that bends it |
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
 //! | `sides` | inside or outside, by samples |
@@ -32,6 +33,7 @@ mod numbers;
 pub mod offset;
 mod patch;
 mod piece;
+mod quadratic;
 mod questions;
 mod regions;
 mod scalar_ply;

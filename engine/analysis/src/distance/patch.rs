@@ -3,14 +3,12 @@
 //! The crossing and its normal are exact, and corners stand on the surface to the fourth order. The quadratic form through
 //! them is the surface to the third order, and a plane where the surface is plane.
 
+pub(super) use super::quadratic::{Crossing, Shape};
+use super::quadratic::{bent, roots, slope, solved};
 use crate::lattice::{dot, minus};
 
-/// How far a corner may be from the quadratic form through all, in cells; beyond, the polygon is taken as it is.
-const MISS: f64 = 0.015;
 /// Below this height of all corners over the tangent plane, in cells, a polygon is plane.
 const PLANE: f64 = 1e-5;
-/// How steeply corners may stand above the tangent plane.
-const STEEP: f64 = 0.6;
 /// How far beside its polygon a ray still meets a patch, in cells: polygons of bent patches do not quite meet.
 const SLACK: f64 = 0.02;
 /// A ray whose cosine with the normal is less than this passes along a surface and not through it.
@@ -18,27 +16,8 @@ const GRAZING: f64 = 0.02;
 /// Steps of Newton's method.
 const STEPS: usize = 4;
 
-/// What slopes at neighbours weigh against heights of corners: as little as suffices to tell what corners on two lines leave
-/// open.
-const SLOPES: f64 = 2e-4;
 /// Neighbours are of one plane whose slopes and heights, in cells, are as small as this: more than rounding makes of them.
 const EVEN: f64 = 1e-3;
-/// The least cosine between normals of neighbours that are of one smooth surface.
-const SMOOTH: f64 = 0.6;
-
-/// Where the surface crosses a lattice edge, and its unit normal there.
-pub(super) type Crossing = ([f64; 3], [f64; 3]);
-
-/// How a patch bends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub(super) enum Shape {
-    Plane = 0,
-    /// By a quadratic form.
-    Bent = 1,
-    /// Triangles between the crossing and the corners.
-    Rough = 2,
-}
 
 /// The surface around a crossing; lengths in cells, places counted from the leaf's corner.
 #[derive(Clone, Copy, Debug)]
@@ -453,85 +432,6 @@ fn nearest_rough(ring: &[[f32; 3]], from: [f64; 3], frame: Frame) -> Touch {
     let on = std::array::from_fn(|a| at[a] + x * u[a] + y * v[a] + z * normal[a]);
     // Where corners could not be placed, normals of triangles tell less than that of the crossing.
     Touch { squared, at: on, normal }
-}
-
-/// The solution of a symmetric system of two equations that is safely positive.
-fn solved([xx, xy, yy]: [f64; 3], [p, q]: [f64; 2]) -> Option<[f64; 2]> {
-    let determinant = xx * yy - xy * xy;
-    (xx > 0.05 && determinant > 0.05)
-        .then(|| [(yy * p - xy * q) / determinant, (xx * q - xy * p) / determinant])
-}
-
-/// Real roots of a t² + b t + c.
-fn roots(a: f64, b: f64, c: f64) -> [Option<f64>; 2] {
-    if a.abs() < 1e-12 {
-        return [(b != 0.0).then(|| -c / b), None];
-    }
-    let square = b * b - 4.0 * a * c;
-    if square < 0.0 {
-        return [None, None];
-    }
-    let q = -0.5 * (b + square.sqrt().copysign(b));
-    [Some(q / a), (q != 0.0).then(|| c / q)]
-}
-
-/// Where a neighbour lies in the tangent plane, the slope of the surface there, and its height; `None` of another face.
-fn slope((at, normal): Crossing, [u, v]: [[f64; 3]; 2], (there, turned): Crossing) -> Option<[f64; 5]> {
-    let up = dot(turned, normal);
-    let away = minus(there, at);
-    let slope = [-dot(turned, u) / up, -dot(turned, v) / up];
-    (up > SMOOTH).then(|| [dot(away, u), dot(away, v), slope[0], slope[1], dot(away, normal)])
-}
-
-/// The quadratic form that passes corners best, by least squares over all of them, and over slopes where corners leave it open.
-fn bent(corners: &[[f64; 3]], slopes: &[[f64; 5]]) -> ([f64; 3], Shape) {
-    let steep = |[x, y, z]: &[f64; 3]| z.abs() > STEEP * (x * x + y * y).sqrt();
-    if corners.len() < 3 || corners.iter().any(steep) {
-        return ([0.0; 3], Shape::Rough);
-    }
-    let mut sums = [[0.0f64; 4]; 3];
-    for [x, y, z] in corners {
-        let row = [0.5 * x * x, x * y, 0.5 * y * y];
-        for (n, sum) in sums.iter_mut().enumerate() {
-            (0..3).for_each(|m| sum[m] += row[n] * row[m]);
-            sum[3] += row[n] * z;
-        }
-    }
-    for &[x, y, p, q, _] in slopes {
-        for (row, value) in [([x, y, 0.0], p), ([0.0, x, y], q)] {
-            for (n, sum) in sums.iter_mut().enumerate() {
-                (0..3).for_each(|m| sum[m] += SLOPES * row[n] * row[m]);
-                sum[3] += SLOPES * row[n] * value;
-            }
-        }
-    }
-    // Without neighbours what corners on two lines leave open bends as little as it can.
-    let trace = sums[0][0] + sums[1][1] + sums[2][2];
-    (0..3).for_each(|n| sums[n][n] += 1e-6 * trace);
-    let Some(bend) = eliminated(sums) else { return ([0.0; 3], Shape::Rough) };
-    let miss = |[x, y, z]: &[f64; 3]| (0.5 * (bend[0] * x * x + bend[2] * y * y) + bend[1] * x * y - z).abs();
-    let is_good = corners.iter().all(|corner| miss(corner) <= MISS) && bend.iter().all(|b| b.abs() < 2.0);
-    if is_good { (bend, Shape::Bent) } else { ([0.0; 3], Shape::Rough) }
-}
-
-/// The solution of three equations with a positive matrix.
-fn eliminated(mut rows: [[f64; 4]; 3]) -> Option<[f64; 3]> {
-    for n in 0..3 {
-        let pivot = rows[n][n];
-        if pivot.is_nan() || pivot <= 0.0 {
-            return None;
-        }
-        for m in n + 1..3 {
-            let factor = rows[m][n] / pivot;
-            (n..4).for_each(|k| rows[m][k] -= factor * rows[n][k]);
-        }
-    }
-    let mut x = [0.0; 3];
-    for n in (0..3).rev() {
-        let known: f64 = (n + 1..3).map(|m| rows[n][m] * x[m]).sum();
-        x[n] = (rows[n][3] - known) / rows[n][n];
-    }
-    Some(x)
 }
 
 #[cfg(test)]
