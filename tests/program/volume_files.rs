@@ -200,7 +200,7 @@ fn distances_are(dir: &Scratch, mesh: &Mesh, cell: &str, truth: Distance<'_>) {
 fn distances_are_those_of_balls_tori_and_boxes() {
     let dir = Scratch::new();
     let length = |p: [f64; 3]| (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
-    distances_are(&dir, &shapes::icosphere(6, 5.0), "0.4", &|p| length(p) - 5.0);
+    distances_are(&dir, &shapes::icosphere(6, 5.0), "0.3", &|p| length(p) - 5.0);
     let ring = |p: [f64; 3]| length([p[0].hypot(p[1]) - 6.0, p[2], 0.0]) - 2.0;
     distances_are(&dir, &shapes::torus(6.0, 2.0, 800, 300), "0.4", &ring);
     let (axis, angle, half) = ([1.0, 2.0, 3.0], 0.7, [6.0, 4.0, 5.0]);
