@@ -221,7 +221,7 @@ fn points_are_bounded() {
     let tree = tree(&soup(&icosphere(3, 10.0)), depth(3));
     let limits = ContourLimits { level: None, memory_bytes: 10_000 };
     let error = contour(&tree, Plane { axis: Axis::X, at: 0.0 }, limits, &Silent).unwrap_err().to_string();
-    assert!(error.contains("more than 39 points") && error.contains("--memory"), "{error}");
+    assert!(error.contains("more than 39 points") && error.contains("`memory`"), "{error}");
 }
 
 fn options(style: fn() -> Style, view: View, cuts: Vec<CutPlane>) -> RenderOptions {

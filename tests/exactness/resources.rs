@@ -50,7 +50,7 @@ fn an_index_that_outgrows_its_memory_ends_a_build_that_goes_on_with_more() {
         build_opened(std::slice::from_ref(&input), &out, &options, &Silent)
     };
     let error = within(20 << 10).unwrap_err().to_string();
-    assert!(error.contains("nodes has outgrown the 20 KiB") && error.contains("--memory"), "{error}");
+    assert!(error.contains("nodes has outgrown the 20 KiB") && error.contains("`memory`"), "{error}");
     assert!(!out.exists());
     // Further, then to the end.
     let nodes = |error: &str| -> u64 {
