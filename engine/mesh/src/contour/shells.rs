@@ -196,7 +196,7 @@ impl MeshSink for NestingSink<'_> {
 }
 
 /// Whether a ray along +x from a point meets a triangle. Points on an edge of the shadow belong to one of its triangles: each
-/// edge is asked from its lower end, and a tie counts as above.
+/// edge is asked from its lower end, which counts where its upper one does not.
 fn is_met(corners: &[[f32; 3]; 3], point: [f64; 3]) -> bool {
     let at = corners.map(|c| c.map(f64::from));
     let mut is_in = false;

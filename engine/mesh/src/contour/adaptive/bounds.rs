@@ -6,7 +6,7 @@
 //!
 //! Two others have no point in common if a plane separates them; where it is enough to look, it is that of one of them
 //! or one upright on its edges. Both are decided in 64 bits with a margin above what rounding may change; what is not
-//! decided is for [`crate::check`].
+//! decided is for [`crate::predicates`].
 
 use glam::DVec3;
 
