@@ -152,6 +152,15 @@ fn what_cannot_be_read_is_told_in_one_line() {
         "sample [3, 2, 1]",
     );
     told(&array(&dir, "e.npy", 9, HERE, |_| 0.25), "its values are 0.25 to 0.25");
+    let far = array(&dir, "d.npy", 9, HERE, |p| length(p.map(|c| c - 4.0)) as f32 - 3.0);
+    told(&far, "which are no winding numbers; say that they are distances by --volume-as");
+    build(&far, &["--volume-as", "sdf"]).ok();
+    std::fs::remove_file(&out).unwrap();
+    let described = HERE.replace("\"unit\"", "\"quantity\": \"distance\", \"unit\"");
+    let far = array(&dir, "q.npy", 9, &described, |p| length(p.map(|c| c - 4.0)) as f32 - 3.0);
+    assert!(run(&[&"info", &far]).ok().contains("solid is what lies below 0"));
+    build(&far, &[]).ok();
+    std::fs::remove_file(&out).unwrap();
     let steps = HERE.replace("0.25", "[0.25, 0.25, 0.5]");
     told(&array(&dir, "s.npy", 9, &steps, ball), "0.25, 0.25 and 0.5 apart");
     told(&array(&dir, "o.npy", 9, "{\"spacing\": 1}", ball), "\"origin\"");

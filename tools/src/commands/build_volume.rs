@@ -72,10 +72,11 @@ pub(super) fn run(args: &BuildArgs, input: &Path) -> Result<(), Failure> {
     let grid = Grid::open(input)?;
     check_target(&args.output)?;
     let reading = match (args.threshold, args.volume_as) {
-        (Some(least), _) => Reading::Threshold(least),
-        (None, Some(VolumeArg::Sdf)) => Reading::Distance,
-        (None, None) if grid.holds_distances() => Reading::Distance,
-        (None, _) => Reading::Winding,
+        (Some(least), _) => Some(Reading::Threshold(least)),
+        (None, Some(VolumeArg::Sdf)) => Some(Reading::Distance),
+        (None, Some(VolumeArg::W)) => Some(Reading::Winding),
+        (None, None) if grid.holds_distances() => Some(Reading::Distance),
+        (None, None) => None,
     };
     let unit = match args.unit {
         Some(unit) => unit.symbol(),

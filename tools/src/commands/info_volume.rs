@@ -30,11 +30,16 @@ pub(super) fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
             "unit": grid.unit(),
         }));
     }
+    let solid = if grid.holds_distances() {
+        "solid is what lies below 0"
+    } else {
+        "solid is 0.5 and more, or what --threshold says; --volume-as sdf: below 0"
+    };
     let unit = grid.unit().unwrap_or("units");
     let place = |p: [f64; 3]| format!("({:.6}, {:.6}, {:.6})", p[0], p[1], p[2]);
     print(&format!(
         "{}: {}\n  samples  {x} × {y} × {z} of type {}, {values}\n  spacing  {spacing} {unit}\n  samples  from {} to {}\n  \
-         build    `brickfield build` takes it: solid is 0.5 and more, or what --threshold says; --volume-as sdf: below 0",
+         build    `brickfield build` takes it: {solid}",
         in_line(file),
         grid.format(),
         grid.type_name(),

@@ -45,7 +45,10 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     let surface = Surface::new(&store, args.surface.memory.0 / 2, folder, &bars)?;
     let cell = surface.cell();
     if let Some(below) = below.filter(|below| *below < CELLS_RESOLVED * cell) {
-        let what = format!("--below {below} is less than {CELLS_RESOLVED} cells of {cell}");
+        let what = format!(
+            "--below {below} is less than {CELLS_RESOLVED} cells of {cell:.6} {}",
+            unit_of(store.meta())
+        );
         warn(&format!("{}: {what}: thinner walls may be missing; build finer cells", in_line(&args.store)));
     }
     let method = match args.measure {

@@ -5,7 +5,7 @@
 use brickfield_engine::Error;
 
 /// Settings that messages of the library name; each is set by the option of the same name.
-const SETTINGS: [&str; 36] = [
+const SETTINGS: [&str; 38] = [
     "backend",
     "boundary_error",
     "cell",
@@ -37,10 +37,12 @@ const SETTINGS: [&str; 36] = [
     "supersample",
     "temp_dir",
     "thin",
+    "threshold",
     "tolerance",
     "tool",
     "unit",
     "variable",
+    "volume_as",
     "width",
 ];
 

@@ -16,6 +16,9 @@ const NORMAL_SCALE: f64 = 1e12;
 /// Half a unit of the lattice must survive beside the largest coordinate: this part of the root.
 const HALF_UNIT: f64 = 1.0 / 33_554_432.0;
 
+/// Winding numbers are not larger, and masks of 8 bits are as large.
+const USUAL: f64 = 255.0;
+
 /// What of a volume's values is solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reading {
@@ -52,20 +55,23 @@ pub struct VolumeSummary {
     pub is_cut: bool,
 }
 
-/// Writes a volume as a store, on its own lattice. What is solid at its border is closed half a step beyond it. `unit` is the
-/// unit of length.
+/// Writes a volume as a store, on its own lattice. What is solid at its border is closed half a step beyond it. Without a
+/// reading values are winding numbers. `unit` is the unit of length.
 ///
 /// # Errors
-/// [`Error::Input`] if a value is no number or nothing is solid; [`Error::Setting`] if the volume has too many samples or lies
+/// [`Error::Input`] if a value is no number, if nothing is solid, or if there is no reading and values are no winding numbers; [`Error::Setting`] if the volume has too many samples or lies
 /// too far from the origin; what reading and writing give.
 pub fn build_volume(
     grid: &Grid,
     (input, output): (&Path, &Path),
-    reading: Reading,
+    reading: Option<Reading>,
     (unit, program): (&str, &str),
     progress: &dyn Progress,
 ) -> Result<VolumeSummary> {
-    let field = Field::new(input, grid, reading, progress)?;
+    let field = Field::new(input, grid, reading.unwrap_or(Reading::Winding), progress)?;
+    if reading.is_none() {
+        require_winding_numbers(input, grid, field.range)?;
+    }
     let meta = field.meta(input, unit, program)?;
     let mut writer = StoreWriter::create(output, &meta)?;
     write_divided(&field, &mut writer, "reading samples", progress)?;
@@ -73,6 +79,18 @@ pub fn build_volume(
     progress.phase("finishing", None, "bytes");
     let stats = writer.finish(meta)?;
     Ok(VolumeSummary { stats, range: field.range, depth: field.depth, is_cut: field.margin > 0 })
+}
+
+/// Refuses values that are distances or grey values rather than winding numbers.
+fn require_winding_numbers(input: &Path, grid: &Grid, [least, greatest]: [f64; 2]) -> Result<()> {
+    let lowest = if grid.has_fractions() { -0.5 } else { -USUAL };
+    if least >= lowest && greatest <= USUAL {
+        return Ok(());
+    }
+    let what = format!("its values are {least} to {greatest}, which are no winding numbers");
+    let remedy =
+        "say that they are distances by `volume_as`, or from which value on they are solid by `threshold`";
+    Err(Error::input(input, "samples", what, remedy))
 }
 
 /// What is known of the samples of a brick.

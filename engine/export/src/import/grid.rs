@@ -135,6 +135,11 @@ impl Grid {
         self.place.holds_distances
     }
 
+    /// Whether values may lie between whole numbers.
+    pub(super) fn has_fractions(&self) -> bool {
+        matches!(self.number, SampleType::F32 | SampleType::F64)
+    }
+
     /// NumPy's name of the type of the values.
     pub fn type_name(&self) -> &'static str {
         self.number.numpy()

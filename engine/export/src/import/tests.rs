@@ -32,7 +32,7 @@ fn damaged(name: &str, bytes: &[u8], head: usize) {
                 assert!(x * y * z <= copy.len());
                 let output = folder.path().join("o.brf");
                 let files = (&*path, &*output);
-                let built = build_volume(&grid, files, Reading::Winding, ("mm", "test"), &Silent);
+                let built = build_volume(&grid, files, Some(Reading::Winding), ("mm", "test"), &Silent);
                 let _ = built.inspect_err(|error| assert!(!error.to_string().contains('\n')));
                 let _ = std::fs::remove_file(output);
                 taken += 1;

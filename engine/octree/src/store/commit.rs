@@ -48,7 +48,11 @@ pub(super) fn read_commit(
             (journal.head.meta.file_id(), journal.head.version) == (file_id, version)
                 && journal.frames.last().is_some_and(|frame| frame.records_end <= source.bytes())
         });
-        let journal = journal.ok_or_else(|| fault("commit slots", "neither holds a commit"))?;
+        let journal = journal.ok_or_else(|| StoreFault {
+            place: "commit slots".to_owned(),
+            what: "neither holds a commit, as where a build was stopped before its first one".to_owned(),
+            remedy: "give the command that builds it again, which begins anew".to_owned(),
+        })?;
         return unfinished_commit(journal);
     };
     let meta = metadata_of(source, &slot, file_id).map_err(|what| fault("commit slot", what))?;

@@ -201,7 +201,11 @@ impl<'a> Scene<'a> {
         }
         let seen = ClipBox::new(options.bounds, cuts);
         if seen.is_empty() {
-            let remedy = "choose planes within the part, and the side of them that is to go";
+            let [low, high] = options.bounds;
+            let ends: Vec<String> =
+                (0..3).map(|a| format!("{} {:.3} to {:.3}", ["x", "y", "z"][a], low[a], high[a])).collect();
+            let remedy =
+                format!("choose planes within {}, and the side of them that is to go", ends.join(", "));
             return Err(Error::setting("the cuts leave nothing of the part", remedy));
         }
         let root = bricks.tree.root();
