@@ -59,8 +59,8 @@ pub struct VolumeSummary {
 /// reading values are winding numbers. `unit` is the unit of length.
 ///
 /// # Errors
-/// [`Error::Input`] if a value is no number, if nothing is solid, or if there is no reading and values are no winding numbers; [`Error::Setting`] if the volume has too many samples or lies
-/// too far from the origin; what reading and writing give.
+/// [`Error::Input`] if a value is no number, if nothing is solid, or if there is no reading and values are no winding numbers;
+/// [`Error::Setting`] if the volume has too many samples or lies too far from the origin; what reading and writing give.
 pub fn build_volume(
     grid: &Grid,
     (input, output): (&Path, &Path),
@@ -109,15 +109,44 @@ struct Field<'a> {
     /// Samples in front of the grid's first one.
     margin: usize,
     depth: u8,
-    /// What nodes are if all of their samples are one value, level by level, by position.
-    uniform: Vec<Vec<Option<i16>>>,
+    /// What is known of the nodes that the grid reaches, level by level.
+    uniform: Vec<UniformNodes>,
     range: [f64; 2],
     solid: [[usize; 3]; 2],
 }
 
-fn at(position: [u32; 3], level: u8) -> usize {
-    let [x, y, z] = position.map(|c| c as usize);
-    ((z << level | y) << level) | x
+/// What nodes of a level are if all of their samples are one value, x fastest: those that the grid reaches, since a long thin
+/// grid needs a deep level of which it fills little.
+struct UniformNodes {
+    counts: [usize; 3],
+    values: Vec<Option<i16>>,
+}
+
+impl UniformNodes {
+    /// Of a node; beyond those that the grid reaches all is 0.
+    fn of(&self, position: [usize; 3]) -> Option<i16> {
+        if (0..3).any(|a| position[a] >= self.counts[a]) {
+            return Some(0);
+        }
+        let ([x, y, z], [across, up, _]) = (position, self.counts);
+        self.values[(z * up + y) * across + x]
+    }
+
+    /// The nodes of the level above.
+    fn above(&self) -> UniformNodes {
+        let counts = self.counts.map(|count| count.div_ceil(2));
+        let [across, up, _] = counts;
+        let node = |n: usize| {
+            let position = [n % across, n / across % up, n / across / up];
+            let child = |c: usize| {
+                let offset = [c & 1, c >> 1 & 1, c >> 2];
+                self.of(std::array::from_fn(|a| 2 * position[a] + offset[a]))
+            };
+            child(0).filter(|_| (1..8).all(|c| child(c) == child(0)))
+        };
+        let values = (0..counts.iter().product()).map(node).collect();
+        UniformNodes { counts, values }
+    }
 }
 
 impl<'a> Field<'a> {
@@ -144,34 +173,37 @@ impl<'a> Field<'a> {
             let remedy = "say which values are solid by a threshold, or that they are distances";
             return Err(Error::input(input, "samples", what, remedy));
         }
-        field.uniform = pyramid(bricks, depth);
+        field.uniform = vec![bricks];
+        for _ in 0..depth {
+            field.uniform.push(field.uniform[field.uniform.len() - 1].above());
+        }
+        field.uniform.reverse();
         Ok(field)
     }
 
     /// Looks at all samples once.
-    fn scan(&mut self, input: &Path, progress: &dyn Progress) -> Result<Vec<Option<i16>>> {
-        let (depth, axis) = (self.depth, 1usize << self.depth);
-        let mut bricks = Vec::with_capacity(axis.pow(3));
-        progress.phase("looking at samples", Some((axis * axis) as u64), "rows of bricks");
+    fn scan(&mut self, input: &Path, progress: &dyn Progress) -> Result<UniformNodes> {
+        let counts = self.grid.shape().map(|n| (n + 2 * self.margin).div_ceil(BRICK_CELLS));
+        let [across, up, deep] = counts;
+        let mut values = Vec::with_capacity(counts.iter().product());
+        progress.phase("looking at samples", Some((up * deep) as u64), "rows of bricks");
         let this = &*self;
         let work = |(): &mut (), row: usize| {
             progress.check()?;
-            let position = |x: usize| [x as u32, (row % axis) as u32, (row / axis) as u32];
-            (0..axis)
-                .map(|x| this.scanned(input, NodeKey::new(depth, position(x))))
-                .collect::<Result<Vec<_>>>()
+            let first = |x: usize| [x, row % up, row / up].map(|place| place * BRICK_CELLS);
+            (0..across).map(|x| this.scanned(input, first(x))).collect::<Result<Vec<_>>>()
         };
         let (mut range, mut solid) = (self.range, self.solid);
         let window = 4 * rayon::current_num_threads();
         run_ordered(
-            axis * axis,
+            up * deep,
             window,
             || (),
             work,
             |row: Vec<Scanned>| {
                 progress.advance(1);
                 for brick in row {
-                    bricks.push(brick.uniform);
+                    values.push(brick.uniform);
                     range = [range[0].min(brick.range[0]), range[1].max(brick.range[1])];
                     if let Some([low, high]) = brick.solid {
                         for a in 0..3 {
@@ -184,12 +216,12 @@ impl<'a> Field<'a> {
             },
         )?;
         (self.range, self.solid) = (range, solid);
-        Ok(bricks)
+        Ok(UniformNodes { counts, values })
     }
 
-    fn scanned(&self, input: &Path, key: Option<NodeKey>) -> Result<Scanned> {
+    /// Looks at the brick whose first sample this is.
+    fn scanned(&self, input: &Path, first: [usize; 3]) -> Result<Scanned> {
         let mut found = Scanned { uniform: Some(0), range: [f64::INFINITY, f64::NEG_INFINITY], solid: None };
-        let Some(first) = key.map(|key| key.first_sample().map(|c| c as usize)) else { return Ok(found) };
         let mut least_and_most = [i16::MAX, i16::MIN];
         // What lies beyond the grid along an axis is empty.
         let mut is_beyond = false;
@@ -301,34 +333,13 @@ fn touches_border(grid: &Grid, reading: Reading) -> bool {
     })
 }
 
-/// What nodes are, level by level, from what bricks of the deepest level are.
-fn pyramid(bricks: Vec<Option<i16>>, depth: u8) -> Vec<Vec<Option<i16>>> {
-    let mut levels = vec![bricks];
-    for level in (0..depth).rev() {
-        let below = &levels[levels.len() - 1];
-        let axis = 1u32 << level;
-        let node = |n: u32| {
-            let position = [n % axis, n / axis % axis, n / axis / axis];
-            let child = |c: u32| {
-                let offset = [c & 1, c >> 1 & 1, c >> 2];
-                below[at(std::array::from_fn(|a| 2 * position[a] + offset[a]), level + 1)]
-            };
-            child(0).filter(|_| (1..8).all(|c| child(c) == child(0)))
-        };
-        let made = (0..axis.pow(3)).map(node).collect();
-        levels.push(made);
-    }
-    levels.reverse();
-    levels
-}
-
 impl Divided for Field<'_> {
     fn depth(&self) -> u8 {
         self.depth
     }
 
     fn decided(&self, key: NodeKey) -> Result<Option<i16>> {
-        Ok(self.uniform[usize::from(key.level())][at(key.position(), key.level())])
+        Ok(self.uniform[usize::from(key.level())].of(key.position().map(|c| c as usize)))
     }
 
     fn brick(&self, key: NodeKey) -> Result<Brick> {

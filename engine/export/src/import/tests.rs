@@ -63,3 +63,24 @@ fn damaged_images() {
     let bytes = [header.as_bytes(), &samples()].concat();
     damaged("a.mha", &bytes, header.len());
 }
+
+/// A cube about a long grid would have billions of bricks.
+#[test]
+fn long_grids_take_what_they_fill() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("a.raw"), folder.path().join("a.brf"));
+    let (long, across) = (70_000usize, 4usize);
+    let place = format!(
+        "\"origin\": [0, 0, 0], \"spacing\": 1, \"dtype\": \"u1\", \"shape\": [{long}, {across}, {across}]"
+    );
+    std::fs::write(input.with_extension("json"), format!("{{{place}}}")).unwrap();
+    let inner = |n: usize| [n % across, n / across % across].iter().all(|c| (1..3).contains(c));
+    let is_solid = |n: usize| inner(n) && (10..long - 10).contains(&(n / across / across));
+    let bytes: Vec<u8> = (0..across * across * long).map(|n| u8::from(is_solid(n))).collect();
+    std::fs::write(&input, bytes).unwrap();
+    let built =
+        build_volume(&Grid::open(&input).unwrap(), (&input, &output), None, ("mm", "test"), &Silent).unwrap();
+    assert_eq!((built.depth, built.is_cut), (12, false));
+    let bricks = long.div_ceil(32) as u64;
+    assert!(built.stats.nodes > bricks && built.stats.nodes < 20 * bricks, "{:?}", built.stats);
+}
