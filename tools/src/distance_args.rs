@@ -3,6 +3,7 @@
 use crate::args::IoArg;
 use crate::units::{Length, Position, Size};
 use crate::work::WorkArgs;
+use brickfield_engine::distance::Align;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -195,4 +196,14 @@ pub enum AlignArg {
     Shift,
     /// By a rotation and a shift, from nearest points
     Icp,
+}
+
+impl From<AlignArg> for Align {
+    fn from(align: AlignArg) -> Align {
+        match align {
+            AlignArg::None => Align::No,
+            AlignArg::Shift => Align::Shift,
+            AlignArg::Icp => Align::Rigid,
+        }
+    }
 }

@@ -127,11 +127,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
     contour(&store, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
-    let how = match args.align {
-        AlignArg::None => Align::No,
-        AlignArg::Shift => Align::Shift,
-        AlignArg::Icp => Align::Rigid,
-    };
+    let how = Align::from(args.align);
     let (motion, left) = align(ply.positions(), bounds, reference, how)?;
     let values =
         ply.fill(&bars, |(): &mut (), world| Ok(reference.opposite(motion.apply(world))?.signed as f32))?;

@@ -75,10 +75,10 @@ impl Colours<'_> {
                 write(Tinted { tint, legend }, &SectionPicture { labels, ..what.clone() })
             }
             Colours::Thickness(tint) => {
-                write(Tinted { tint: &BandTint::of_thickness(tint, width), legend }, what)
+                write(Tinted { tint: &BandTint::new(tint.surface, tint, width), legend }, what)
             }
             Colours::Deviation(tint) => {
-                write(Tinted { tint: &BandTint::of_deviation(tint, width), legend }, what)
+                write(Tinted { tint: &BandTint::new(tint.surface, tint, width), legend }, what)
             }
             Colours::Changes(_) => write_picture(store, what, path, bars),
         }

@@ -10,14 +10,14 @@ use crate::output::{in_line, note, require_distinct};
 use crate::progress::Bars;
 use crate::units::Length;
 use anyhow::anyhow;
-use brickfield_engine::contour::{ContourOptions, contour};
+use brickfield_engine::contour::{ContourOptions, PositionsSink, contour};
 use brickfield_engine::distance::deviation::{Motion, Reference};
 use brickfield_engine::distance::thickness::{Method, Options};
-use brickfield_engine::distance::{Align, ScalarPly, Surface, align};
+use brickfield_engine::distance::{Surface, align};
 use brickfield_engine::overlay::{
     DeviationScale, ThicknessScale, rounded_up, usual_deviation, usual_thickness,
 };
-use brickfield_engine::part::{PartFile, directory_of};
+use brickfield_engine::part::directory_of;
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use brickfield_engine::voids::{Class, Detail, Void, VoidOptions, Voids, find};
 use std::path::Path;
@@ -205,15 +205,11 @@ fn motion(
     reference: Reference<'_>,
     bars: &Bars,
 ) -> Result<Motion, Failure> {
-    let how = match how {
-        AlignArg::None => return Ok(Motion::NONE),
-        AlignArg::Shift => Align::Shift,
-        AlignArg::Icp => Align::Rigid,
-    };
-    // The mesh itself is dropped. The output may be a folder.
-    let path = args.output.with_extension("ply");
-    let mut ply = ScalarPly::new(PartFile::create(&path)?, "deviation")?;
+    if how == AlignArg::None {
+        return Ok(Motion::NONE);
+    }
+    let mut mesh = PositionsSink::default();
     let contouring = ContourOptions { cache_bytes: (args.memory / 4) as usize, ..ContourOptions::default() };
-    contour(store, &contouring, &mut ply, bars)?;
-    Ok(align(ply.positions(), bounds, reference, how)?.0)
+    contour(store, &contouring, &mut mesh, bars)?;
+    Ok(align(&mesh.positions, bounds, reference, how.into())?.0)
 }

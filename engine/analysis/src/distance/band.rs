@@ -1,10 +1,11 @@
 //! Signed distances near a surface as a tree of bricks, for level sets in the files of other tools.
 
+use super::sample_box::SampleBox;
 use super::sides::Sides;
 use super::surface::{Foot, Surface};
 use crate::brick::{Brick, Hermite, POINTS, Samples, point_index};
 use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, RootCube, dot};
+use crate::lattice::{BRICK_CELLS, NodeKey, Octant, RootCube, dot, minus};
 use crate::progress::Progress;
 use crate::store::{BrickTree, NodeInfo};
 use std::collections::BTreeMap;
@@ -99,49 +100,25 @@ impl<'a> DistanceTree<'a> {
     }
 
     /// Fills a box of samples of a brick whose first sample lies at `first`; the surface is within so many cells of its middle.
-    fn fill(
-        &self,
-        samples: &mut Samples,
-        first: [f64; 3],
-        [low, high]: [[usize; 3]; 2],
-        within: f64,
-    ) -> Result<()> {
+    fn fill(&self, samples: &mut Samples, first: [f64; 3], part: SampleBox, within: f64) -> Result<()> {
         let place = |ijk: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| first[a] + ijk[a] * self.step) };
-        let middle = |low: [usize; 3], high: [usize; 3]| {
-            place(std::array::from_fn(|a| 0.5 * (low[a] + high[a] - 1) as f64))
-        };
-        let here = middle(low, high);
+        let here = place(part.middle());
         let one = f64::from(1u32 << PLACES);
         let band = f64::from(BAND) * self.step;
-        if (0..3).all(|a| high[a] - low[a] == 1) {
+        if part.is_single() {
             let foot = self.surface.closest(here, within.min(band + CERTAIN))?;
-            samples.0[point_index(low)] = (self.signed(here, foot)? / self.step * one).round() as i16;
+            samples.0[point_index(part.low)] = (self.signed(here, foot)? / self.step * one).round() as i16;
             return Ok(());
         }
-        let sides: [f64; 3] = std::array::from_fn(|a| (high[a] - low[a] - 1) as f64 * self.step);
-        let reach = 0.5 * dot(sides, sides).sqrt() + band + CERTAIN;
+        let reach = part.reach() * self.step + band + CERTAIN;
         let Some(foot) = self.surface.closest(here, within.min(reach))? else {
-            let corner = place(low.map(|c| c as f64));
-            let side = (self.signed(corner, None)? / self.step * one) as i16;
-            for k in low[2]..high[2] {
-                for j in low[1]..high[1] {
-                    let row = point_index([low[0], j, k]);
-                    samples.0[row..row + high[0] - low[0]].fill(side);
-                }
-            }
+            let corner = place(part.low.map(|c| c as f64));
+            part.fill(&mut samples.0[..], (self.signed(corner, None)? / self.step * one) as i16);
             return Ok(());
         };
-        let axis = (0..3).max_by_key(|&a| high[a] - low[a]).unwrap_or(0);
-        let cut = usize::midpoint(low[axis], high[axis]);
-        for upper in [false, true] {
-            let (mut from, mut to) = (low, high);
-            if upper {
-                from[axis] = cut
-            } else {
-                to[axis] = cut
-            }
-            let away = crate::lattice::minus(middle(from, to), here);
-            self.fill(samples, first, [from, to], foot.distance + dot(away, away).sqrt() + CERTAIN)?;
+        for half in part.halves() {
+            let away = minus(place(half.middle()), here);
+            self.fill(samples, first, half, foot.distance + dot(away, away).sqrt() + CERTAIN)?;
         }
         Ok(())
     }
@@ -173,7 +150,7 @@ impl BrickTree for DistanceTree<'_> {
         debug_assert_eq!(samples.0.len(), POINTS);
         if key.level() == self.level {
             let first = key.position().map(|p| f64::from(p) * f64::from(BRICK_CELLS as u32) * self.step);
-            self.fill(&mut samples, first, [[0; 3], [BRICK_POINTS; 3]], f64::INFINITY)?;
+            self.fill(&mut samples, first, SampleBox::BRICK, f64::INFINITY)?;
         }
         Ok(Arc::new(Brick::Counts { samples, hermite: Hermite::default() }))
     }

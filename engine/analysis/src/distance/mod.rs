@@ -17,6 +17,7 @@
 //! | `thickness` | thickness of walls, width of gaps |
 //! | `offset` | offsets and shells as stores |
 //! | `band` | distances near the surface as a tree |
+//! | `sample_box` | boxes of samples, which both halve |
 //! | `deviation` | signed distances from a reference, both ways |
 //! | `align` | a part laid over a reference |
 //! | `triangles` | the triangles of a mesh |
@@ -36,6 +37,7 @@ mod piece;
 mod quadratic;
 mod questions;
 mod regions;
+mod sample_box;
 mod scalar_ply;
 mod sides;
 mod surface;

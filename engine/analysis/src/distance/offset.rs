@@ -1,10 +1,11 @@
 //! Offsets and shells of a part as new stores: a lattice of signs of distance − length, with exact crossings.
 
+use super::sample_box::SampleBox;
 use super::sides::{DeepBrick, FAR, Sides};
 use super::surface::{Foot, Surface};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube, minus};
 use crate::progress::Progress;
 use crate::store::{
     BrickTree, CoarseSamples, Divided, Meta, Refine, Stats, Store, StoreWriter, write_divided,
@@ -190,7 +191,7 @@ impl Divided for OffsetField<'_> {
             part: self.sides.part(first.map(|c| c - self.shift))?,
             values: vec![f32::NAN; BRICK_POINTS.pow(3)],
         };
-        samples.decide([0; 3], [BRICK_POINTS; 3], f64::INFINITY)?;
+        samples.decide(SampleBox::BRICK, f64::INFINITY)?;
         samples.brick()
     }
 }
@@ -222,54 +223,35 @@ impl Block<'_> {
     }
 
     /// Decides a box of samples; the surface is known to be within so many cells of its middle.
-    fn decide(&mut self, low: [usize; 3], high: [usize; 3], within: f64) -> Result<()> {
-        let last = high.map(|c| c - 1);
-        if low == last {
+    fn decide(&mut self, samples: SampleBox, within: f64) -> Result<()> {
+        let low = samples.low;
+        if samples.is_single() {
             let (value, _) = self.grown.at(self.place(low), self.inside(low), within)?;
             // Never zero or no number, which would be neither side.
             let value = value as f32;
             self.values[point_index(low)] = if value == 0.0 { f32::MIN_POSITIVE } else { value };
             return Ok(());
         }
-        let middle: [f64; 3] = {
-            let (a, b) = (self.place(low), self.place(last));
-            std::array::from_fn(|n| 0.5 * (a[n] + b[n]))
-        };
-        let sides: [f64; 3] = std::array::from_fn(|a| (last[a] - low[a]) as f64);
-        let reach = 0.5 * crate::lattice::dot(sides, sides).sqrt();
-        let foot = self.grown.closest(middle, within)?;
+        let middle = samples.middle();
+        let corner = self.place([0; 3]);
+        let here = std::array::from_fn(|a| corner[a] + middle[a]);
+        let reach = samples.reach();
+        let foot = self.grown.closest(here, within)?;
         // Farther than all of the box there is no surface between its samples.
         let sample = if foot.distance > reach + CERTAIN { self.inside(low) } else { None };
         let inside = match &self.part {
             DeepBrick::All(inside) => *inside,
             _ => sample.unwrap_or(foot.inside),
         };
-        let (value, _) = self.grown.field(&foot, middle, inside);
+        let (value, _) = self.grown.field(&foot, here, inside);
         if value.abs() > reach + CERTAIN {
-            let side = if value < 0.0 { f32::NEG_INFINITY } else { f32::INFINITY };
-            for k in low[2]..high[2] {
-                for j in low[1]..high[1] {
-                    let row = point_index([low[0], j, k]);
-                    self.values[row..row + high[0] - low[0]].fill(side);
-                }
-            }
+            samples.fill(&mut self.values, if value < 0.0 { f32::NEG_INFINITY } else { f32::INFINITY });
             return Ok(());
         }
-        let axis = (0..3).max_by_key(|&a| high[a] - low[a]).unwrap_or(0);
-        let cut = usize::midpoint(low[axis], high[axis]);
-        for upper in [false, true] {
-            let (mut from, mut to) = (low, high);
-            if upper {
-                from[axis] = cut
-            } else {
-                to[axis] = cut
-            }
-            let there: [f64; 3] = {
-                let (a, b) = (self.place(from), self.place(to.map(|c| c - 1)));
-                std::array::from_fn(|n| 0.5 * (a[n] + b[n]) - middle[n])
-            };
+        for half in samples.halves() {
+            let there = minus(half.middle(), middle);
             let moved = crate::lattice::dot(there, there).sqrt();
-            self.decide(from, to, foot.distance + moved + CERTAIN)?;
+            self.decide(half, foot.distance + moved + CERTAIN)?;
         }
         Ok(())
     }

@@ -223,11 +223,16 @@ impl Patch {
         0.5 * (0..ring.len()).map(twice).sum::<f64>()
     }
 
+    /// The size of both curvatures at the crossing together.
+    pub fn bend_size(&self) -> f64 {
+        let [xx, xy, yy] = self.bend.map(f64::from);
+        (xx * xx + 2.0 * xy * xy + yy * yy).sqrt()
+    }
+
     /// How far normals within the patch may be from that at the crossing: a slope is the tangent of an angle, and what unit
     /// vectors differ by is less.
     pub fn turn(&self) -> f32 {
-        let [xx, xy, yy] = self.bend;
-        (xx * xx + 2.0 * xy * xy + yy * yy).sqrt() * self.radius
+        self.bend_size() as f32 * self.radius
     }
 
     fn height(&self, [x, y]: [f64; 2]) -> (f64, [f64; 2]) {

@@ -155,8 +155,7 @@ impl PatchQuestion for NormalAround {
         let crossing = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
         if self.around.is_near(crossing) {
             let turned = patch.normal_at(minus(self.at, crossing));
-            let [xx, xy, yy] = patch.bend.map(f64::from);
-            self.around.add(crossing, turned, (xx * xx + 2.0 * xy * xy + yy * yy).sqrt());
+            self.around.add(crossing, turned, patch.bend_size());
         }
     }
 }

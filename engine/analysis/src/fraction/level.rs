@@ -2,9 +2,7 @@
 
 use super::kernel::{depth, fraction_at};
 use super::{FractionTree, Lattice};
-use crate::contour::{
-    ContourOptions, Cuts, MeshEncoding, MeshSink, MeshSummary, TriangleBytes, VertexBytes, contour,
-};
+use crate::contour::{ContourOptions, DiscardSink, MeshSummary, contour};
 use crate::error::Result;
 use crate::progress::Progress;
 
@@ -28,23 +26,6 @@ pub struct LevelSurface {
     pub summary: MeshSummary,
     /// Whether its volume is the one asked for, to a ten-thousandth.
     pub is_near: bool,
-}
-
-/// Takes a mesh and keeps nothing of it.
-struct DiscardSink;
-
-impl MeshSink for DiscardSink {
-    fn encoding(&self) -> Option<MeshEncoding> {
-        let none = |_: &Cuts, _: &mut Vec<u8>| {};
-        Some(MeshEncoding {
-            vertices: VertexBytes::Positions(|_, _| {}),
-            triangles: TriangleBytes::Lone(none),
-        })
-    }
-
-    fn finish(&mut self) -> Result<()> {
-        Ok(())
-    }
 }
 
 /// What the mesh of a tree would be.

@@ -4,7 +4,7 @@
 //! 100 cells it is 30 times as near. What both differ by tells how far either may be off.
 
 use crate::analysis::volume;
-use crate::contour::{ContourOptions, Cuts, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, contour};
+use crate::contour::{ContourOptions, DiscardSink, contour};
 use crate::csg::{Chain, Writing};
 use crate::error::Result;
 use crate::part::temporary::BesideFile;
@@ -23,23 +23,6 @@ pub struct BoundedVolume {
     pub value: f64,
     /// Bound on its error.
     pub error: f64,
-}
-
-/// Takes a mesh and keeps nothing of it.
-struct DiscardSink;
-
-impl MeshSink for DiscardSink {
-    fn encoding(&self) -> Option<MeshEncoding> {
-        let none = |_: &Cuts, _: &mut Vec<u8>| {};
-        Some(MeshEncoding {
-            vertices: VertexBytes::Positions(|_, _| {}),
-            triangles: TriangleBytes::Lone(none),
-        })
-    }
-
-    fn finish(&mut self) -> Result<()> {
-        Ok(())
-    }
 }
 
 /// The volume of a chain's result, which is written to a file beside `output` for the time of the call.

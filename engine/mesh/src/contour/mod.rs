@@ -111,8 +111,8 @@ pub use options::{ContourMethod, ContourOptions, MeshSummary};
 pub use shells::{Angles, KeptCounts, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellFilter, ShellSink};
 pub use single_brick::{SingleBrick, SingleBrickCells, has_one_sheet};
 pub use sink::{
-    MeshArrays, MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, create_sink,
-    create_sink_with_normals, ply_faces,
+    DiscardSink, MeshArrays, MeshChunk, MeshEncoding, MeshSink, PositionsSink, TriangleBytes, VertexBytes,
+    create_sink, create_sink_with_normals, ply_faces,
 };
 
 pub use tagged::{Bend, EdgeFacet, edge_facets};

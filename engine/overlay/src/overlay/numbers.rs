@@ -68,7 +68,7 @@ const NUMBERED: usize = 500;
 pub fn numbers_seen(frame: &Frame<'_>, tint: &VoidTint<'_>, voids: &[Void], cell: f64) -> Result<Vec<Label>> {
     let places: Vec<(&Void, [f64; 2], f64)> = voids
         .iter()
-        .filter(|void| tint.shows(void.id))
+        .filter(|void| tint.shows(void.id as u32))
         .take(NUMBERED)
         .filter_map(|void| frame.seen_at(void.centroid).map(|(at, pixel)| (void, at, pixel)))
         .collect();

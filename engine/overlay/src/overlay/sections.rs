@@ -1,6 +1,5 @@
 //! The same colours in plane sections: voids filled, a band along the surface of the part.
 
-use super::measures::{DeviationTint, ThicknessTint};
 use super::voids::VoidTint;
 use crate::distance::Surface;
 use crate::error::Result;
@@ -26,14 +25,9 @@ pub struct BandTint<'a> {
 }
 
 impl<'a> BandTint<'a> {
-    /// Of thickness, in a band of that width in world units.
-    pub fn of_thickness(tint: &'a ThicknessTint<'a>, width: f64) -> BandTint<'a> {
-        BandTint { surface: tint.surface, tint, width: width / tint.surface.cell() }
-    }
-
-    /// Of deviation.
-    pub fn of_deviation(tint: &'a DeviationTint<'a>, width: f64) -> BandTint<'a> {
-        BandTint { surface: tint.surface, tint, width: width / tint.surface.cell() }
+    /// Of a surface, in a band of that width in world units.
+    pub fn new(surface: &'a Surface, tint: &'a dyn Tint, width: f64) -> BandTint<'a> {
+        BandTint { surface, tint, width: width / surface.cell() }
     }
 }
 

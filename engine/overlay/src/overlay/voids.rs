@@ -34,12 +34,12 @@ impl<'a> VoidTint<'a> {
     /// What reading the tree gives.
     pub fn number(&self, world: [f64; 3]) -> Result<u32> {
         let number = self.places.number(self.root.from_first_sample(world))?;
-        Ok(if self.shows(number as usize) { number } else { 0 })
+        Ok(if self.shows(number) { number } else { 0 })
     }
 
     /// Whether a void is shown.
-    pub(super) fn shows(&self, id: usize) -> bool {
-        id.checked_sub(1).and_then(|void| self.colours.get(void)).is_some_and(Option::is_some)
+    pub(super) fn shows(&self, number: u32) -> bool {
+        self.colour_of(number).is_some()
     }
 
     /// The colour at a world position in void; `None` outside of all voids.

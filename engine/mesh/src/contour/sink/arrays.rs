@@ -1,7 +1,7 @@
 //! A mesh in memory.
 
 use super::ply::vertex_bytes;
-use super::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes};
+use super::{Cuts, MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes};
 use crate::error::Result;
 
 /// A mesh as arrays, for whoever goes on with it: 12 bytes a vertex and 12 a triangle, all of them in memory.
@@ -12,6 +12,16 @@ pub struct MeshArrays {
     /// Places among `positions` of the corners of each triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
+
+/// The vertices of a mesh alone, all of them in memory.
+#[derive(Clone, Debug, Default)]
+pub struct PositionsSink {
+    /// World positions.
+    pub positions: Vec<[f32; 3]>,
+}
+
+/// Takes a mesh and keeps nothing of it, for what is measured on the way.
+pub struct DiscardSink;
 
 /// Numbers of the corners, little-endian.
 pub(super) fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
@@ -49,6 +59,31 @@ impl MeshSink for MeshArrays {
             MeshChunk::Triangles(_, bytes) => self.triangles.extend(triples(bytes, u32::from_le_bytes)),
         }
         Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl MeshSink for PositionsSink {
+    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+        self.positions.extend_from_slice(positions);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl MeshSink for DiscardSink {
+    fn encoding(&self) -> Option<MeshEncoding> {
+        let none = |_: &Cuts, _: &mut Vec<u8>| {};
+        Some(MeshEncoding {
+            vertices: VertexBytes::Positions(|_, _| {}),
+            triangles: TriangleBytes::Lone(none),
+        })
     }
 
     fn finish(&mut self) -> Result<()> {

@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::path::Path;
 
-pub use arrays::MeshArrays;
 pub(super) use arrays::triples;
+pub use arrays::{DiscardSink, MeshArrays, PositionsSink};
 pub use ply::ply_faces;
 
 /// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that
