@@ -1,7 +1,7 @@
 //! What the user types for splats.
 
 use crate::args::IoArg;
-use crate::units::Length;
+use crate::units::{Length, Size};
 use crate::work::WorkArgs;
 use clap::Args;
 use std::path::PathBuf;
@@ -36,6 +36,13 @@ pub struct SplatsArgs {
     /// Deepest level to use
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
+    /// Memory for splats, as in 512MiB, to which 20 bytes a splat come while a .bsp or .html is coded; splats of the deepest
+    /// level that do not fit go to a temporary file
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub memory: Size,
+    /// Folder of that file, which has no name there; the output's own by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

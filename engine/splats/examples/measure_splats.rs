@@ -2,9 +2,10 @@
 //!
 //! Rates are of one thread.
 
-use brickfield_coding::bsp::{SplatInput, SplatTree};
+use brickfield_coding::bsp::{NodeCells, SplatInput, SplatTree};
 use brickfield_coding::range::{Bit, Coder, Decoder};
 use brickfield_core::Silent;
+use brickfield_core::lattice::NodeKey;
 use brickfield_octree::store::Store;
 use brickfield_splats::splats::{LevelsOptions, SplatLevels, bsp_bytes};
 use std::time::Instant;
@@ -80,7 +81,10 @@ fn main() {
 /// Mean and greatest angle between the normals of the finest level and those in the file.
 fn normals(levels: &SplatLevels, tree: &SplatTree) {
     let (mut sum, mut most, mut count) = (0.0, 0.0f64, 0u64);
-    for (key, piece) in levels.nodes().iter().filter(|(key, _)| key.level() == levels.deepest()) {
+    let each = |key: NodeKey, piece: &NodeCells<SplatInput>| {
+        if key.level() < levels.deepest() {
+            return Ok(());
+        }
         let read = tree.pieces()[&key.code()].found_by_place();
         for cell in &piece.cells {
             let there = read.of(read.get(cell.at).expect("the cell"));
@@ -94,7 +98,9 @@ fn normals(levels: &SplatLevels, tree: &SplatTree) {
                 (sum, most, count) = (sum + angle, most.max(angle), count + 1);
             }
         }
-    }
+        Ok(())
+    };
+    levels.each_node(each).expect("splats in memory");
     println!(
         "normals of the finest level: {:.3} degrees off in the mean, {most:.2} at most",
         sum / count as f64

@@ -81,11 +81,12 @@ fn of_brick_store(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failur
     let bounds = [meta.bounds_min, meta.bounds_max];
     let cell = |level: u8| store.root().spacing(level);
     let level = args.level.unwrap_or_else(|| deepest_seen(args, bounds, cell, store.deepest_level()));
-    let options = LevelsOptions { error: None, level: Some(level) };
+    let options = LevelsOptions { level: Some(level), ..LevelsOptions::default() };
     let levels =
         SplatLevels::new(&store, options, bars).map_err(|error| of_store(&store, "leaves", error))?;
     let mut discs = Vec::new();
-    discs_of_levels(&levels, None, |disc| discs.push(disc));
+    discs_of_levels(&levels, None, |disc| discs.push(disc))
+        .map_err(|error| of_store(&store, "leaves", error))?;
     Ok(Part { discs, unit: meta.unit.clone(), bounds })
 }
 

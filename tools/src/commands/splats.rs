@@ -7,6 +7,7 @@ use crate::space::tell_left_behind;
 use crate::splat_args::SplatsArgs;
 use crate::units::Size;
 use brickfield_engine::Progress;
+use brickfield_engine::part::directory_of;
 use brickfield_engine::splats::{
     BspSummary, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_page, write_ply,
 };
@@ -51,7 +52,8 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
         Some(error) => Some(error.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?),
         None => None,
     };
-    let options = LevelsOptions { error, level: args.level };
+    let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
+    let options = LevelsOptions { error, level: args.level, memory: Some((args.memory.0, folder)) };
     let levels =
         SplatLevels::new(&store, options, &bars).map_err(|error| of_store(&store, "leaves", error))?;
     let written = match kind {

@@ -30,8 +30,10 @@ pub(super) struct VoidCrossing {
 /// What is gathered along the boundaries.
 #[derive(Default)]
 pub(super) struct Boundaries {
-    /// Crossings of voids and of the outer surface; `None` if there are more than were allowed.
-    pub points: Option<Vec<Point>>,
+    /// Crossings of voids; `None` if there are more than were allowed.
+    pub voids: Option<Vec<Point>>,
+    /// Crossings of the outer surface; `None` if there are more than were allowed beside those of voids.
+    pub outer: Option<Vec<Point>>,
     /// By component the beads around it.
     pub around: BTreeMap<usize, SurroundingSegments>,
 }
@@ -55,7 +57,7 @@ pub(super) fn boundaries(
     let changes = |key: NodeKey| tree.node(key).is_some_and(|node| node.min != node.max || node.fractions);
     let is_wanted = |leaf: usize| changes(keys[leaf]) && (has_void(leaf) || has_outer(leaf));
     let make = |number: usize, leaf: &Leaf<'_>, components: &Components| {
-        let mut points = Vec::new();
+        let (mut voids, mut outer_surface) = (Vec::new(), Vec::new());
         let mut around: BTreeMap<usize, SurroundingSegments> = BTreeMap::new();
         let segments = match tracer {
             Some(tracer) if has_void(number) || pores.is_some() => Some(tracer.segments(leaf.key)?),
@@ -72,6 +74,7 @@ pub(super) fn boundaries(
             if component.is_some_and(|c| c < labelling.components.len() && !is_void(c)) {
                 return;
             }
+            let points = if component.is_some() { &mut voids } else { &mut outer_surface };
             points.push(Point {
                 at: crossing.at.map(|c| c as f32),
                 normal: crossing.normal.map(|c| c as f32),
@@ -81,23 +84,34 @@ pub(super) fn boundaries(
                 around.entry(component).or_default().add(segments, leaf.key, &crossing);
             }
         });
-        Ok((points, around))
+        Ok((voids, outer_surface, around))
     };
-    let mut found = Boundaries { points: Some(Vec::new()), around: BTreeMap::new() };
-    labelling.visit_some(tree, is_wanted, ("boundaries of voids", progress), make, |(points, around)| {
-        if let Some(all) = &mut found.points
-            && all.len() + points.len() <= most_points
-        {
-            all.extend(points);
-        } else {
-            found.points = None;
-        }
+    let mut found = Boundaries { voids: Some(Vec::new()), outer: Some(Vec::new()), around: BTreeMap::new() };
+    let take = |(voids, outer, around): (Vec<Point>, Vec<Point>, BTreeMap<usize, SurroundingSegments>)| {
+        found.keep(voids, outer, most_points);
         for (component, part) in around {
             found.around.entry(component).or_default().join(part);
         }
         Ok(())
-    })?;
+    };
+    labelling.visit_some(tree, is_wanted, ("boundaries of voids", progress), make, take)?;
     Ok(found)
+}
+
+impl Boundaries {
+    /// Keeps points, those of voids before those of the outer surface.
+    fn keep(&mut self, voids: Vec<Point>, outer: Vec<Point>, most: usize) {
+        let counts = [&self.voids, &self.outer].map(|points| points.as_ref().map_or(0, Vec::len));
+        let of_voids = counts[0] + voids.len();
+        if of_voids + counts[1] + outer.len() > most {
+            self.outer = None;
+        }
+        if of_voids > most {
+            self.voids = None;
+        }
+        self.voids.iter_mut().for_each(|all| all.extend(&voids));
+        self.outer.iter_mut().for_each(|all| all.extend(&outer));
+    }
 }
 
 /// Calls `each` with the crossings of the edges that a leaf owns.

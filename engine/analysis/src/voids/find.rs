@@ -5,7 +5,7 @@ use super::cad::cad_shares;
 use super::class::{Class, class_of};
 use super::components::Connectivity;
 use super::labelling::{Labelling, label};
-use super::points::{OUTER, Point, PointTree, distance, inscribed};
+use super::points::{Point, PointTree, distance, inscribed};
 use super::pores::{Pore, Pores, pores};
 use super::sealed::{SealFindings, SubcellField, sealed};
 use super::surface::{VoidSurface, surfaces};
@@ -22,6 +22,9 @@ use std::f64::consts::PI;
 
 /// Bytes that a point of a boundary takes while distances are measured.
 const POINT_BYTES: u64 = 64;
+
+/// Largest balls are found to this share of a cell.
+const NEARER_BALL: f64 = 0.01;
 
 /// What to look for.
 #[derive(Clone, Copy)]
@@ -276,7 +279,7 @@ impl Voids {
         let tracer = Tracer::new(store)?;
         let most = usize::try_from(options.memory / 2 / POINT_BYTES).unwrap_or(usize::MAX);
         let pores = self.pores.as_ref();
-        let Boundaries { points, around } =
+        let Boundaries { voids: points, outer, around } =
             boundaries(store, labelling, &is_void, pores, tracer.as_ref(), most, progress)?;
         if let Some(tracer) = &tracer {
             let trace = |component: usize| Trace::of(around.get(&component)?, tracer);
@@ -306,7 +309,7 @@ impl Voids {
         }
         let components = self.labelling.components.len();
         if let Some(points) = points {
-            measure_distances(&mut self.voids, points, store, components, progress)?;
+            measure_distances(&mut self.voids, (points, outer), store, components, progress)?;
         }
         self.voids.iter_mut().for_each(|void| void.class = class_of(void, is_sparse));
         Ok(())
@@ -430,21 +433,21 @@ fn void_of(
     }
 }
 
-/// Largest balls, and distances to other voids and to the outer surface.
+/// Largest balls, and distances to other voids and, if there are points of it, to the outer surface.
 fn measure_distances(
     voids: &mut [Void],
-    points: Vec<Point>,
+    (points, outer): (Vec<Point>, Option<Vec<Point>>),
     store: &Store,
     components: usize,
     progress: &dyn Progress,
 ) -> Result<()> {
     let root = store.root();
     let unit = root.unit();
-    let reach = 0.75 * root.spacing(store.meta().depth) / unit;
-    let (outer, inner): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|p| p.component == OUTER);
+    let cell = root.spacing(store.meta().depth) / unit;
+    let reach = 0.75 * cell;
     let mut own: BTreeMap<u32, Vec<Point>> = BTreeMap::new();
-    inner.iter().for_each(|point| own.entry(point.component).or_default().push(*point));
-    let (outer, inner) = (PointTree::new(outer), PointTree::new(inner));
+    points.iter().for_each(|point| own.entry(point.component).or_default().push(*point));
+    let (outer, points) = (outer.map(PointTree::new), PointTree::new(points));
     progress.phase("distances between voids", Some(voids.len() as u64), "voids");
     voids.par_iter_mut().try_for_each(|void| {
         progress.check()?;
@@ -460,15 +463,15 @@ fn measure_distances(
             }
             best.is_finite().then_some(best * unit)
         };
-        void.edge_distance = nearest(&outer);
-        void.gap = nearest(&inner);
+        void.edge_distance = outer.as_ref().and_then(nearest);
+        void.gap = nearest(&points);
         progress.advance(1);
         if void.component >= components {
             // The grid has told; its boundary is open.
             return Ok(());
         }
         let largest = void.diameter / unit;
-        let ball = inscribed(&tree, largest.max(reach)) * unit;
+        let ball = inscribed(&tree, largest.max(reach), NEARER_BALL * cell) * unit;
         // A ball that is larger than the void says that the void is too small for its cells.
         let most = void.equivalent_diameter() * 1.001;
         void.inner_diameter = (ball > 0.0 && ball <= most).then(|| ball.min(void.equivalent_diameter()));

@@ -31,6 +31,7 @@ mod cells;
 mod class;
 mod components;
 mod covered;
+mod enclosing_ball;
 mod find;
 mod labelling;
 mod labels;
@@ -45,6 +46,7 @@ mod slabs;
 mod surface;
 mod totals;
 mod trace;
+mod wanted;
 
 pub use class::Class;
 pub use components::Connectivity;

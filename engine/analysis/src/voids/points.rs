@@ -19,19 +19,52 @@ pub(super) const OUTER: u32 = u32::MAX;
 /// Points in a leaf of the tree.
 const LEAF_POINTS: usize = 16;
 
-/// A k-d tree of points (Bentley 1975), in the order of the slice that it takes: each node splits its part in the middle.
+/// A tree of points: each node splits its part of the slice in the middle along its longest side, and has the box around it.
+/// Where points lie on faces far away, boxes tell how far better than splitting planes.
 pub(super) struct PointTree {
     points: Vec<Point>,
-    /// By place of a splitting point, how it splits.
-    splits: Vec<Split>,
+    /// A node, those of its lower half, those of its upper half.
+    nodes: Vec<PointNode>,
 }
 
-/// How a node of the tree is split, at the place of its middle point.
+/// A node of the tree.
 #[derive(Clone, Copy, Default)]
-struct Split {
-    axis: u8,
+struct PointNode {
+    low: [f32; 3],
+    high: [f32; 3],
     /// The component of all its points, if they have one.
     only: Option<u32>,
+    /// How many nodes its lower half has; 0 of a leaf.
+    lower: u32,
+}
+
+impl PointNode {
+    fn of(points: &[Point]) -> PointNode {
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        for point in points {
+            for a in 0..3 {
+                (low[a], high[a]) = (low[a].min(point.at[a]), high[a].max(point.at[a]));
+            }
+        }
+        let component = points.first().map(|point| point.component);
+        let is_one = points.iter().all(|point| Some(point.component) == component);
+        PointNode { low, high, only: component.filter(|_| is_one), lower: 0 }
+    }
+
+    /// The square of the distance of a place from the box.
+    #[inline]
+    fn squared(&self, from: [f64; 3]) -> f64 {
+        let away = [0, 1, 2].map(|a| {
+            let (low, high) = (f64::from(self.low[a]), f64::from(self.high[a]));
+            (low - from[a]).max(from[a] - high).max(0.0)
+        });
+        dot(away, away)
+    }
+
+    fn longest_axis(&self) -> usize {
+        let extent = |a: usize| self.high[a] - self.low[a];
+        (0..3).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0)
+    }
 }
 
 /// What is sought: the nearest point that counts, and nearer than the best one so far.
@@ -47,9 +80,9 @@ struct Search<'a, F> {
 impl PointTree {
     /// Of some points, at best sorted so that neighbours are near.
     pub fn new(mut points: Vec<Point>) -> PointTree {
-        let mut splits = vec![Split::default(); points.len()];
-        arrange(&mut points, &mut splits);
-        PointTree { points, splits }
+        let mut nodes = vec![PointNode::default(); nodes_of(points.len())];
+        arrange(&mut points, &mut nodes);
+        PointTree { points, nodes }
     }
 
     /// All points.
@@ -65,48 +98,85 @@ impl PointTree {
         counts: impl Fn(&Point) -> bool,
     ) -> Option<(f64, &Point)> {
         let search = Search { from, counts, without: None, best: (within * within, None) };
-        search.run((&self.points, &self.splits))
+        search.run((&self.points, &self.nodes))
+    }
+
+    /// Whether some point is nearer than `within`.
+    pub fn is_any(&self, from: [f64; 3], within: f64) -> bool {
+        any_nearer((&self.points, &self.nodes), from, within * within)
     }
 
     /// The nearest point to `from` of other components than this one, likewise.
     pub fn nearest_beside(&self, from: [f64; 3], within: f64, component: u32) -> Option<(f64, &Point)> {
         let counts = |point: &Point| point.component != component;
         let search = Search { from, counts, without: Some(component), best: (within * within, None) };
-        search.run((&self.points, &self.splits))
+        search.run((&self.points, &self.nodes))
     }
 }
 
-/// The axis along which some points extend farthest.
-fn longest(points: &[Point]) -> usize {
-    let extent = |a: usize| {
-        let each = points.iter().map(|point| point.at[a]);
-        each.clone().fold(f32::NEG_INFINITY, f32::max) - each.fold(f32::INFINITY, f32::min)
-    };
-    let extents = [0, 1, 2].map(extent);
-    (0..3).max_by(|&a, &b| extents[a].total_cmp(&extents[b])).unwrap_or(0)
+/// How many nodes a tree of so many points has.
+fn nodes_of(points: usize) -> usize {
+    if points <= LEAF_POINTS { 1 } else { 1 + nodes_of(points / 2) + nodes_of(points - points / 2) }
 }
 
-/// Brings the median along the longest axis into the middle, and so on with both halves.
-fn arrange(points: &mut [Point], splits: &mut [Split]) {
-    if points.len() <= LEAF_POINTS {
+/// Brings the lower half along the longest axis to the front, and so on with both halves.
+fn arrange(points: &mut [Point], nodes: &mut [PointNode]) {
+    /// Halves with fewer points are not worth a thread.
+    const ALONE: usize = 1 << 14;
+    let Some((node, below)) = nodes.split_first_mut() else { return };
+    *node = PointNode::of(points);
+    let (count, middle) = (points.len(), points.len() / 2);
+    if count <= LEAF_POINTS {
         return;
     }
-    let component = points[0].component;
-    let only = points.iter().all(|point| point.component == component).then_some(component);
-    let (axis, middle) = (longest(points), points.len() / 2);
+    let axis = node.longest_axis();
     points.select_nth_unstable_by(middle, |a, b| {
         let places = a.at.iter().zip(&b.at).map(|(a, b)| a.total_cmp(b));
         places.fold(a.at[axis].total_cmp(&b.at[axis]), std::cmp::Ordering::then)
     });
-    splits[middle] = Split { axis: axis as u8, only };
-    let ((low, high), (low_splits, high_splits)) = (points.split_at_mut(middle), splits.split_at_mut(middle));
-    arrange(low, low_splits);
-    arrange(&mut high[1..], &mut high_splits[1..]);
+    let lower = nodes_of(middle);
+    node.lower = lower as u32;
+    let ((low, high), (low_nodes, high_nodes)) = (points.split_at_mut(middle), below.split_at_mut(lower));
+    if count < ALONE {
+        arrange(low, low_nodes);
+        arrange(high, high_nodes);
+    } else {
+        rayon::join(|| arrange(low, low_nodes), || arrange(high, high_nodes));
+    }
+}
+
+/// The points and the nodes of a part of the tree.
+type Part<'a> = (&'a [Point], &'a [PointNode]);
+
+/// Both halves of a part; `None` of a leaf.
+fn halves<'a>((points, nodes): Part<'a>) -> Option<[Part<'a>; 2]> {
+    let lower = nodes[0].lower as usize;
+    let middle = points.len() / 2;
+    let low = (&points[..middle], &nodes[1..1 + lower]);
+    (lower > 0).then(|| [low, (&points[middle..], &nodes[1 + lower..])])
+}
+
+/// Whether one of the points is nearer than the root of `squared`. The first that is found ends the search.
+fn any_nearer(part: Part<'_>, from: [f64; 3], squared: f64) -> bool {
+    if part.1[0].squared(from) >= squared {
+        return false;
+    }
+    match halves(part) {
+        None => part.0.iter().any(|point| {
+            let away = minus(point.at.map(f64::from), from);
+            dot(away, away) < squared
+        }),
+        Some([low, high]) => {
+            let (near, far) =
+                if high.1[0].squared(from) < low.1[0].squared(from) { (high, low) } else { (low, high) };
+            any_nearer(near, from, squared) || any_nearer(far, from, squared)
+        }
+    }
 }
 
 impl<'a, F: Fn(&Point) -> bool> Search<'a, F> {
-    fn run(mut self, tree: (&'a [Point], &[Split])) -> Option<(f64, &'a Point)> {
-        self.node(tree, [0.0; 3]);
+    fn run(mut self, part: Part<'a>) -> Option<(f64, &'a Point)> {
+        self.part(part, part.1[0].squared(self.from));
         self.best.1.map(|point| (self.best.0.sqrt(), point))
     }
 
@@ -118,47 +188,40 @@ impl<'a, F: Fn(&Point) -> bool> Search<'a, F> {
         }
     }
 
-    /// `aside` is how far the node lies from the place along each axis, by the planes that were crossed to come to it (Arya &
-    /// Mount 1993).
-    fn node(&mut self, (points, splits): (&'a [Point], &[Split]), aside: [f64; 3]) {
-        if points.len() <= LEAF_POINTS {
-            points.iter().for_each(|point| self.look(point));
+    /// Looks through a part whose box is the root of `squared` away.
+    fn part(&mut self, part: Part<'a>, squared: f64) {
+        let only = part.1[0].only;
+        if squared >= self.best.0 || only.is_some() && only == self.without {
             return;
         }
-        let middle = points.len() / 2;
-        let Split { axis, only } = splits[middle];
-        if only.is_some() && only == self.without {
+        let Some([low, high]) = halves(part) else {
+            part.0.iter().for_each(|point| self.look(point));
             return;
-        }
-        let axis = usize::from(axis);
-        self.look(&points[middle]);
-        let beyond = self.from[axis] - f64::from(points[middle].at[axis]);
-        let low = (&points[..middle], &splits[..middle]);
-        let high = (&points[middle + 1..], &splits[middle + 1..]);
-        let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
-        self.node(near, aside);
-        let mut aside = aside;
-        aside[axis] = beyond;
-        if dot(aside, aside) < self.best.0 {
-            self.node(far, aside);
+        };
+        let [near, far] = [low, high].map(|half| half.1[0].squared(self.from));
+        if far < near {
+            self.part(high, far);
+            self.part(low, near);
+        } else {
+            self.part(low, near);
+            self.part(high, far);
         }
     }
 }
 
 /// The diameter of the largest ball that fits among points of one boundary, by shrinking balls (Ma, Bae & Choi 2012): a ball
 /// that touches the boundary at a point shrinks until no other point is in it, and the largest of these touches at least at
-/// one of the points tried. `largest` bounds the radius.
-pub(super) fn inscribed(tree: &PointTree, largest: f64) -> f64 {
-    const MOST_TRIED: usize = 20_000;
+/// one of the points. `largest` bounds the radius; balls that are wider by less than `step` are not looked for.
+pub(super) fn inscribed(tree: &PointTree, largest: f64, step: f64) -> f64 {
     const STEPS: usize = 40;
-    let step = tree.points.len().div_ceil(MOST_TRIED).max(1);
     let mut best = 0.0f64;
-    for point in tree.points.iter().step_by(step) {
+    for point in &tree.points {
         let (at, normal) = (point.at.map(f64::from), point.normal.map(f64::from));
         let centre = |radius: f64| [0, 1, 2].map(|a| at[a] + radius * normal[a]);
         let mut radius = largest;
-        // One that cannot become the largest is soon told.
-        if best > 0.0 && tree.nearest(centre(best), best * (1.0 - 1e-6), |_| true).is_some() {
+        // One that cannot become the largest is soon told: in a round void nearly any point lies in a ball that is larger.
+        let larger = best + 0.5 * step;
+        if best > 0.0 && tree.is_any(centre(larger), larger * (1.0 - 1e-6)) {
             continue;
         }
         for _ in 0..STEPS {
@@ -236,7 +299,7 @@ mod tests {
                 }
             }
         }
-        let diameter = inscribed(&PointTree::new(sides), 50.0);
+        let diameter = inscribed(&PointTree::new(sides), 50.0, 0.01);
         assert!((diameter - 20.0).abs() < 0.1, "{diameter}");
         let ball = (0..2000).map(|n| {
             let z = (2.0 * f64::from(n) + 1.0) / 2000.0 - 1.0;
@@ -244,7 +307,7 @@ mod tests {
             let at = [across * turn.cos(), across * turn.sin(), z];
             Point { at: at.map(|c| (10.0 * c) as f32), normal: at.map(|c| -c as f32), component: 0 }
         });
-        let diameter = inscribed(&PointTree::new(ball.collect()), 50.0);
+        let diameter = inscribed(&PointTree::new(ball.collect()), 50.0, 0.01);
         assert!((diameter - 20.0).abs() < 0.02, "{diameter}");
     }
 }

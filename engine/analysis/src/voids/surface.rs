@@ -5,7 +5,9 @@
 //! edge at a distance d from the crossing leaves out 2/3 d times its projection of the volume, and of its area 4/3 of the square
 //! of d along the normal. What remains is of fourth order in the cell; flat faces and sharp edges have no such rest at all.
 
+use super::enclosing_ball::smallest_ball;
 use super::labelling::Labelling;
+use super::wanted::WantedVoids;
 use crate::contour::{Bend, EdgeFacet, edge_facets};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube, cross, dot, minus};
@@ -128,10 +130,9 @@ pub(super) fn surfaces(
 ) -> Result<BTreeMap<usize, VoidSurface>> {
     let root = tree.root();
     let directions = directions();
-    let is_wanted = |key: NodeKey| {
-        let leaf = labelling.order.covering(key);
-        labelling.in_leaf(leaf).flatten().any(|component| centre(component).is_some())
-    };
+    let wanted = (0..labelling.components.len()).map(|component| centre(component).is_some()).collect();
+    let voids = WantedVoids::new(tree, labelling, wanted);
+    let is_wanted = |key: NodeKey| voids.is_in(labelling.order.covering(key));
     let make = |key: NodeKey, facets: &[EdgeFacet]| {
         let leaf = labelling.order.covering(key);
         let components = labelling.components_of(tree, leaf)?;
@@ -156,7 +157,7 @@ pub(super) fn surfaces(
         Ok(surfaces)
     };
     let mut all: BTreeMap<usize, VoidSurface> = BTreeMap::new();
-    edge_facets(tree, cache_bytes, (Bend::Slight, is_wanted), progress, make, |surfaces| {
+    edge_facets(&voids, cache_bytes, (Bend::Slight, is_wanted), progress, make, |surfaces| {
         for (component, surface) in surfaces {
             all.entry(component).or_default().add(surface);
         }
@@ -266,26 +267,4 @@ fn directions() -> [[f64; 3]; DIRECTIONS] {
         let across = (1.0 - z * z).sqrt();
         [across * turn.cos(), across * turn.sin(), z]
     })
-}
-
-/// The radius of the smallest ball around some points: from the middle of two far ones towards whatever lies outside, in
-/// ever smaller steps (Bădoiu & Clarkson 2003), the radius being that from the best centre.
-fn smallest_ball(points: &[[f64; 3]]) -> f64 {
-    const STEPS: usize = 2000;
-    let Some(&first) = points.first() else { return 0.0 };
-    let farthest = |from: [f64; 3]| {
-        let squared = |p: &[f64; 3]| dot(minus(*p, from), minus(*p, from));
-        let far = points.iter().copied().max_by(|p, q| squared(p).total_cmp(&squared(q)));
-        far.map_or((0.0, first), |p| (squared(&p).sqrt(), p))
-    };
-    let (_, one) = farthest(first);
-    let (_, other) = farthest(one);
-    let mut centre = [0, 1, 2].map(|a| 0.5 * (one[a] + other[a]));
-    let mut best = f64::INFINITY;
-    for step in 1..=STEPS {
-        let (radius, point) = farthest(centre);
-        best = best.min(radius);
-        centre = [0, 1, 2].map(|a| centre[a] + (point[a] - centre[a]) / (step + 1) as f64);
-    }
-    best
 }

@@ -6,9 +6,8 @@
 //! Hermite edges follow as byte planes; how many there are is derived from the samples. LZ4 goes on top of each of the
 //! two parts where it helps. `range` codes either part in fewer bytes. The byte diagrams are in `FORMAT.md`.
 //!
-//! Chosen by measurement (`cargo test --release -p brickfield-octree codec_variants -- --ignored
-//! --nocapture`): twelve bricks of balls, planes and crossing beads with 2,195 Hermite edges on average, one
-//! core, mean bytes and time a brick.
+//! Chosen by measurement: twelve bricks of balls, planes and crossing beads with 2,195 Hermite edges on average, one core,
+//! mean bytes and time a brick. A test compares the bytes.
 //!
 //! | stored                             | bytes | encode  | decode  |
 //! |------------------------------------|-------|---------|---------|

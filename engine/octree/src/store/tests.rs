@@ -497,37 +497,6 @@ fn golden_shares_are_read_and_are_no_stores() {
     }
 }
 
-/// Prints what writing and reading a large store costs.
-#[test]
-#[ignore = "a measurement"]
-fn store_throughput() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("large.brf");
-    let keys = (0..=4u8).flat_map(|level| {
-        let side = 1u32 << level;
-        (0..side.pow(3))
-            .map(move |n| NodeKey::new(level, [n % side, n / side % side, n / side / side]).unwrap())
-    });
-    let brick = brick_at(NodeKey::ROOT, true);
-    let inner = brick_at(NodeKey::ROOT, false);
-    let start = std::time::Instant::now();
-    let mut writer = StoreWriter::create(&path, &meta(4)).unwrap();
-    for key in keys {
-        let leaf = key.level() == 4;
-        writer.append_brick(key, leaf, if leaf { &brick } else { &inner }).unwrap();
-    }
-    println!("append {:?}", start.elapsed());
-    println!("{:?}, {:?}", writer.finish(meta(4)).unwrap(), start.elapsed());
-    let start = std::time::Instant::now();
-    let store = Store::open(&path, 64 << 20).unwrap();
-    println!("open {:?}", start.elapsed());
-    store.keys().iter().for_each(|&key| drop(store.brick(key).unwrap()));
-    println!("read {:?}", start.elapsed());
-    let start = std::time::Instant::now();
-    println!("{} records damaged on purpose", store.verify(&Silent).unwrap().damaged);
-    println!("verify {:?}", start.elapsed());
-}
-
 /// Makes the newest golden files. The older ones are never made again.
 #[test]
 #[ignore = "writes into the source tree"]

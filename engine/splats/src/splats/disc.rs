@@ -2,6 +2,7 @@
 
 use super::levels::SplatLevels;
 use crate::bsp::{Cell, Clip, NodeCells, SplatTree};
+use crate::error::Result;
 use crate::lattice::NodeKey;
 
 /// Half the diagonal of a cell: a disc of this radius covers what a plane and the cell share.
@@ -25,19 +26,23 @@ pub struct Disc {
 }
 
 /// Calls `each` with the splats of the finest picture: those of cells that are not divided, or of `level`.
-pub fn discs_of_levels(levels: &SplatLevels, level: Option<u8>, mut each: impl FnMut(Disc)) {
+///
+/// # Errors
+/// If a temporary file cannot be read.
+pub fn discs_of_levels(levels: &SplatLevels, level: Option<u8>, mut each: impl FnMut(Disc)) -> Result<()> {
     let last = level.unwrap_or(levels.deepest()).min(levels.deepest());
     let frame = Frame { origin: levels.root().to_world([1.0; 3]), edge: levels.root().edge };
-    for (key, piece) in levels.nodes() {
-        let hidden = |cell: &Cell| !is_reached(levels, *key, cell);
+    levels.each_node(|key, piece| {
+        let hidden = |cell: &Cell| !is_reached(levels, key, cell);
         let plane = |cell: &Cell, n: usize| {
             let wanted = piece.of(cell)[n];
             let normal = super::cluster::unit(wanted.normal.map(f64::from));
             let offset = (0..3).map(|a| normal[a] * f64::from(wanted.mean[a])).sum::<f64>() / 4096.0;
             (normal, offset)
         };
-        frame.node(*key, last, piece, hidden, plane, &mut each);
-    }
+        frame.node(key, last, piece, hidden, plane, &mut each);
+        Ok(())
+    })
 }
 
 /// The same of a file.
@@ -62,7 +67,7 @@ fn is_reached(levels: &SplatLevels, key: NodeKey, cell: &Cell) -> bool {
     while let Some(parent) = key.parent() {
         let offset = key.octant().offset();
         at = std::array::from_fn(|a| at[a] / 2 + 16 * offset[a] as u8);
-        let piece = levels.nodes().get(&parent);
+        let piece = levels.above_deepest(parent);
         // Cells of a node are sorted, z first.
         let found = piece.and_then(|piece| {
             let order = |at: [u8; 3]| [at[2], at[1], at[0]];

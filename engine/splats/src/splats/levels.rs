@@ -2,27 +2,36 @@
 
 use super::brick::{CellClusters, cell_of, cells, centre_of};
 use super::cluster::{CrossingCluster, of_clusters};
+use super::spilled::SpilledNodes;
 use crate::bsp::{NodeCells, SplatInput};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// What splats are wanted.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct LevelsOptions {
+pub struct LevelsOptions<'a> {
     /// Cells whose splats are within this distance of all crossings are not divided, in the store's unit.
     pub error: Option<f64>,
     /// Deepest level; `None` for all.
     pub level: Option<u8>,
+    /// Bytes for splats, beyond which those of the deepest level go to a temporary file in a folder; `None` for any number.
+    pub memory: Option<(u64, &'a Path)>,
 }
 
-/// The splats of a tree, level by level, in memory: about 30 bytes a splat.
+/// The splats of a tree, level by level: about 30 bytes a splat, in memory but for what [`LevelsOptions::memory`] says.
 pub struct SplatLevels {
     root: RootCube,
     deepest: u8,
     nodes: BTreeMap<NodeKey, NodeCells<SplatInput>>,
+    /// Nodes of the deepest level that did not fit. They come behind the others of that level.
+    spilled: Option<SpilledNodes>,
+    /// Bytes of nodes in memory.
+    bytes: u64,
 }
 
 /// A node whose parent is still to be made.
@@ -36,28 +45,37 @@ impl SplatLevels {
     ///
     /// # Errors
     /// What reading the tree gives; [`crate::error::Error::Interrupted`].
-    pub fn new(tree: &dyn BrickTree, options: LevelsOptions, progress: &dyn Progress) -> Result<SplatLevels> {
+    pub fn new(
+        tree: &dyn BrickTree,
+        options: LevelsOptions<'_>,
+        progress: &dyn Progress,
+    ) -> Result<SplatLevels> {
         let order = LeafOrder::new(tree)?;
         progress.phase("making splats", Some(order.keys().len() as u64), "bricks");
         let deepest = tree.deepest_level().min(options.level.unwrap_or(u8::MAX));
-        let mut levels = SplatLevels { root: tree.root(), deepest, nodes: BTreeMap::new() };
+        let mut levels = SplatLevels {
+            root: tree.root(),
+            deepest,
+            nodes: BTreeMap::new(),
+            spilled: options.memory.map(|(most, folder)| SpilledNodes::new(most, folder)),
+            bytes: 0,
+        };
         let parts = super::cluster::PARTS as f64 / tree.root().unit();
         let tolerance = options.error.map_or(-1.0, |error| error * parts);
         let make = |leaf: &Leaf<'_>| Ok(cells(leaf.key, leaf.brick));
         let mut open = Vec::new();
         visit(tree, order.keys(), progress, make, |number, faces| {
             open.push(OpenNode { key: order.keys()[number], faces });
-            levels.close(&mut open, tolerance);
-            Ok(())
+            levels.close(&mut open, tolerance)
         })?;
         if let Some(root) = open.pop() {
-            levels.keep(root.key, &root.faces);
+            levels.keep(root.key, &root.faces)?;
         }
         Ok(levels)
     }
 
     /// Merges the last eight nodes as long as they are one node's children.
-    fn close(&mut self, open: &mut Vec<OpenNode>, tolerance: f64) {
+    fn close(&mut self, open: &mut Vec<OpenNode>, tolerance: f64) -> Result<()> {
         while let Some(last) = open.last()
             && last.key.octant().index() == 7
             && let Some(key) = last.key.parent()
@@ -66,16 +84,17 @@ impl SplatLevels {
             let faces = parents(key, &children, tolerance, key.level() < self.deepest);
             if key.level() < self.deepest {
                 for child in &children {
-                    self.keep(child.key, &child.faces);
+                    self.keep(child.key, &child.faces)?;
                 }
             }
             open.push(OpenNode { key, faces });
         }
+        Ok(())
     }
 
-    fn keep(&mut self, key: NodeKey, faces: &[CellClusters]) {
+    fn keep(&mut self, key: NodeKey, faces: &[CellClusters]) -> Result<()> {
         if faces.is_empty() {
-            return;
+            return Ok(());
         }
         let (mut piece, mut wanted) = (NodeCells::new(), Vec::new());
         for face in faces {
@@ -84,7 +103,15 @@ impl SplatLevels {
             wanted.extend(face.clusters.iter().map(|cluster| cluster.wanted(centre, cell_of(key))));
             piece.add(face.at, &wanted, face.clips, face.divided);
         }
+        if let Some(spilled) = &mut self.spilled
+            && key.level() == self.deepest
+            && spilled.takes(self.bytes)
+        {
+            return spilled.add(key, &piece);
+        }
+        self.bytes += (size_of_val(&*piece.cells) + size_of_val(&*piece.splats)) as u64;
         self.nodes.insert(key, piece);
+        Ok(())
     }
 
     /// Where the cells lie in the world.
@@ -97,9 +124,48 @@ impl SplatLevels {
         self.deepest
     }
 
-    /// The nodes that have splats, level by level, along the Morton curve within a level.
-    pub fn nodes(&self) -> &BTreeMap<NodeKey, NodeCells<SplatInput>> {
-        &self.nodes
+    /// How many nodes have splats.
+    pub fn len(&self) -> usize {
+        self.nodes.len() + self.spilled.as_ref().map_or(0, SpilledNodes::len)
+    }
+
+    /// Whether there are no splats.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The splats of a node above the deepest level, which is in memory.
+    pub(super) fn above_deepest(&self, key: NodeKey) -> Option<&NodeCells<SplatInput>> {
+        self.nodes.get(&key)
+    }
+
+    /// The splats of a node, if it has some.
+    ///
+    /// # Errors
+    /// If a temporary file cannot be read.
+    pub fn node(&self, key: NodeKey) -> Result<Option<Cow<'_, NodeCells<SplatInput>>>> {
+        if let Some(node) = self.nodes.get(&key) {
+            return Ok(Some(Cow::Borrowed(node)));
+        }
+        match &self.spilled {
+            Some(spilled) => Ok(spilled.get(key)?.map(Cow::Owned)),
+            None => Ok(None),
+        }
+    }
+
+    /// Calls `each` with the nodes that have splats, level by level, along the Morton curve within a level.
+    ///
+    /// # Errors
+    /// As [`SplatLevels::node`], and what `each` gives.
+    pub fn each_node(
+        &self,
+        mut each: impl FnMut(NodeKey, &NodeCells<SplatInput>) -> Result<()>,
+    ) -> Result<()> {
+        self.nodes.iter().try_for_each(|(key, node)| each(*key, node))?;
+        match &self.spilled {
+            Some(spilled) => spilled.each(each),
+            None => Ok(()),
+        }
     }
 }
 

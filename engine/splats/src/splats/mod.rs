@@ -25,6 +25,7 @@ mod levels;
 mod page;
 mod ply;
 mod read;
+mod spilled;
 #[cfg(test)]
 mod tests;
 mod write;

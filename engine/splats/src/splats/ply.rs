@@ -28,7 +28,7 @@ const NAMES: [&str; 14] = [
 /// What writing gives.
 pub fn write_ply(levels: &SplatLevels, level: Option<u8>, path: &Path) -> Result<u64> {
     let mut count = 0u64;
-    discs_of_levels(levels, level, |_| count += 1);
+    discs_of_levels(levels, level, |_| count += 1)?;
     let mut file = PartFile::create(path)?;
     let before = "ply\nformat binary_little_endian 1.0\ncomment flat splats of Brickfield\nelement vertex";
     let names: String = NAMES.iter().map(|name| format!("property float {name}\n")).collect();
@@ -38,7 +38,7 @@ pub fn write_ply(levels: &SplatLevels, level: Option<u8>, path: &Path) -> Result
         if done.is_ok() {
             done = file.append(&gaussian(&disc).map(f32::to_le_bytes).concat());
         }
-    });
+    })?;
     done?;
     file.finish()?;
     Ok(count)

@@ -150,7 +150,7 @@ fn worst(discs: &[Disc], crossings: &[Vector]) -> f64 {
 }
 
 fn levels(tree: &MemoryTree, error: Option<f64>) -> SplatLevels {
-    SplatLevels::new(tree, LevelsOptions { error, level: None }, &Silent).unwrap()
+    SplatLevels::new(tree, LevelsOptions { error, ..LevelsOptions::default() }, &Silent).unwrap()
 }
 
 fn written(levels: &SplatLevels) -> (Vec<u8>, BspSummary) {
@@ -220,7 +220,7 @@ fn a_tolerance_leaves_fewer_splats_that_are_within_it() {
         // Rounding of normals and offsets comes on top.
         assert!(summary.error < error + 0.25 * ROOT.edge / 32.0);
         let mut precise = Vec::new();
-        discs_of_levels(&levels(&tree, Some(error)), None, |disc| precise.push(disc));
+        discs_of_levels(&levels(&tree, Some(error)), None, |disc| precise.push(disc)).unwrap();
         assert_eq!(precise.len(), discs.len());
         let finest = ROOT.edge / 128.0;
         assert!(worst(&precise, &crossings) <= (error * 1.001).max(finest * 0.2));
@@ -256,7 +256,8 @@ fn edges_of_a_box_cut_splats() {
                 assert!(turned_box(p) < 0.35 * cell, "{}", turned_box(p) / cell);
             }
         }
-    });
+    })
+    .unwrap();
     assert!(cut > 400, "{cut}");
 }
 
@@ -274,8 +275,10 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
 #[test]
 fn any_level_of_a_file_is_that_of_one_that_ends_there() {
     let tree = tree(torus, 2);
-    let levels_to =
-        |level| SplatLevels::new(&tree, LevelsOptions { error: None, level: Some(level) }, &Silent).unwrap();
+    let levels_to = |level| {
+        SplatLevels::new(&tree, LevelsOptions { level: Some(level), ..LevelsOptions::default() }, &Silent)
+            .unwrap()
+    };
     let (whole, _) = written(&levels(&tree, None));
     let (coarse, _) = written(&levels_to(1));
     assert_eq!(discs(&read(&whole), Some(1)).len(), discs(&read(&coarse), None).len());
@@ -345,18 +348,40 @@ fn a_part_without_boundary_has_no_splats() {
     assert!(discs(&read(&bytes), None).is_empty());
 }
 
-/// The figure of a torus in the survey of Kobbelt and Botsch (2004), 13: what a number of splats is off by.
-///
-/// `cargo test --release -p brickfield-splats --lib torus_of_few -- --ignored --nocapture`
 #[test]
-#[ignore = "prints a figure of the report"]
+fn splats_that_do_not_fit_in_memory_change_no_byte() {
+    let tree = tree(torus, 2);
+    let folder = tempfile::tempdir().unwrap();
+    let bounds = [[0.0; 3], [1.0; 3]];
+    let all = levels(&tree, None);
+    let expected = bsp_bytes(&all, "mm", bounds, &Silent).unwrap().0;
+    for most in [0, 20_000] {
+        let options = LevelsOptions { memory: Some((most, folder.path())), ..LevelsOptions::default() };
+        let spilled = SplatLevels::new(&tree, options, &Silent).unwrap();
+        assert_eq!(spilled.len(), all.len());
+        assert_eq!(bsp_bytes(&spilled, "mm", bounds, &Silent).unwrap().0, expected);
+        let discs = |levels: &SplatLevels| {
+            let mut discs = Vec::new();
+            discs_of_levels(levels, None, |disc| discs.push(format!("{disc:?}"))).unwrap();
+            discs
+        };
+        assert_eq!(discs(&spilled), discs(&all));
+    }
+    let nowhere = folder.path().join("none");
+    let options = LevelsOptions { memory: Some((0, &nowhere)), ..LevelsOptions::default() };
+    assert!(SplatLevels::new(&tree, options, &Silent).is_err());
+}
+
+/// The figure of a torus in the survey of Kobbelt and Botsch (2004), 13: what a number of splats is off by. `--nocapture`
+/// prints the report's table.
+#[test]
 fn torus_of_few_splats() {
     let tree = tree(torus, 2);
     let crossings = crossings(&tree);
     let diameter = 2.0 * 0.84;
     for error in [0.002, 0.003, 0.004, 0.01] {
         let mut discs = Vec::new();
-        discs_of_levels(&levels(&tree, Some(error)), None, |disc| discs.push(disc));
+        discs_of_levels(&levels(&tree, Some(error)), None, |disc| discs.push(disc)).unwrap();
         let mut off = 0.0f64;
         for disc in &discs {
             for n in 0..31 * 31 {
@@ -387,5 +412,6 @@ fn torus_of_few_splats() {
             share(covered),
             share(off)
         );
+        assert!(covered <= error && off <= 1.1 * error.max(0.004), "{error}: {covered}, {off}");
     }
 }

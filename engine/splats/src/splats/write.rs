@@ -64,37 +64,38 @@ pub fn bsp_bytes(
     bounds: [[f64; 3]; 2],
     progress: &dyn Progress,
 ) -> Result<(Vec<u8>, BspSummary)> {
-    progress.phase("coding splats", Some(levels.nodes().len() as u64), "nodes");
-    let mut writer = Writer {
-        levels,
-        directions: Directions::new(RADIUS),
+    progress.phase("coding splats", Some(levels.len() as u64), "nodes");
+    let coding = UnitCoding { levels, directions: Directions::new(RADIUS) };
+    let mut taken = TakenUnits {
+        deepest: levels.deepest(),
         pieces: BTreeMap::new(),
         header: header(levels, unit, bounds),
         finest: (0, 0.0),
     };
-    let (head, model) = writer.head();
+    let (head, model) = coding.head(&mut taken)?;
     let (mut entries, mut units) = (Vec::new(), Vec::new());
-    for level in writer.header.head..levels.deepest() {
-        writer.level(level, &model, progress, &mut |entry, bytes| {
+    for level in taken.header.head..levels.deepest() {
+        coding.level(level, &model, &mut taken, progress, &mut |entry, bytes| {
             entries.push(entry);
             units.extend(bytes);
         })?;
     }
+    let TakenUnits { mut header, finest, .. } = taken;
     let directory: Vec<u8> = entries.iter().flat_map(Entry::to_bytes).collect();
-    writer.header.units = entries.len() as u32;
-    writer.header.head_bytes = head.len() as u32;
-    writer.header.head_crc = crc32(0, &head);
-    writer.header.directory_crc = crc32(0, &directory);
-    let mut bytes = writer.header.to_bytes().to_vec();
+    header.units = entries.len() as u32;
+    header.head_bytes = head.len() as u32;
+    header.head_crc = crc32(0, &head);
+    header.directory_crc = crc32(0, &directory);
+    let mut bytes = header.to_bytes().to_vec();
     bytes.reserve(directory.len() + head.len() + units.len());
     bytes.extend(directory);
     bytes.extend(head);
     bytes.extend(units);
     let summary = BspSummary {
         bytes: bytes.len() as u64,
-        splats: writer.header.levels.iter().map(|level| level.splats).sum(),
-        finest: writer.finest.0,
-        error: writer.finest.1,
+        splats: header.levels.iter().map(|level| level.splats).sum(),
+        finest: finest.0,
+        error: finest.1,
     };
     debug_assert!(bytes.len() >= HEADER_BYTES);
     Ok((bytes, summary))
@@ -121,9 +122,15 @@ fn header(levels: &SplatLevels, unit: &str, bounds: [[f64; 3]; 2]) -> Header {
     }
 }
 
-struct Writer<'a> {
+/// What units are coded from.
+struct UnitCoding<'a> {
     levels: &'a SplatLevels,
     directions: Directions,
+}
+
+/// What is known of the units that were coded.
+struct TakenUnits {
+    deepest: u8,
     /// Of the level that is divided next, as readers will have them.
     pieces: BTreeMap<NodeKey, NodeCells<Splat>>,
     header: Header,
@@ -131,62 +138,56 @@ struct Writer<'a> {
     finest: (u64, f64),
 }
 
-impl Writer<'_> {
+impl UnitCoding<'_> {
     /// The root's cells and the units of the head's levels.
-    fn head(&mut self) -> (Vec<u8>, Model) {
+    fn head(&self, taken: &mut TakenUnits) -> Result<(Vec<u8>, Model)> {
         let (mut bytes, mut model) = (Vec::new(), Model::new());
         let mut coder = Encoder::new(&mut bytes);
-        let none = NodeCells::new();
-        let wanted = self.levels.nodes().get(&NodeKey::ROOT).unwrap_or(&none).found_by_place();
+        let wanted = self.levels.node(NodeKey::ROOT)?.unwrap_or_default().found_by_place();
         let may_divide = self.levels.deepest() > 0;
         let coded = root(&mut coder, &mut model, &self.directions, may_divide, Some(&wanted));
         let CodedUnit { cells, error } = coded.expect("an encoder refuses nothing");
-        self.take(0, error, [(NodeKey::ROOT, cells.piece)]);
-        for level in 0..self.header.head {
-            let pieces = std::mem::take(&mut self.pieces);
+        taken.take(0, error, [(NodeKey::ROOT, cells.piece)]);
+        for level in 0..taken.header.head {
+            let pieces = std::mem::take(&mut taken.pieces);
             for (key, piece) in pieces.iter().filter(|(_, piece)| piece.is_divided()) {
-                let coded = self.unit(*key, piece, &mut coder, &mut model);
-                self.take(level + 1, coded.error, children(*key, &coded));
+                let coded = self.unit(*key, piece, &mut coder, &mut model)?;
+                taken.take(level + 1, coded.error, children(*key, &coded));
             }
         }
         coder.finish();
-        (bytes, model.elsewhere())
+        Ok((bytes, model.elsewhere()))
     }
 
     /// The units that divide the nodes of a level.
     fn level(
-        &mut self,
+        &self,
         level: u8,
         model: &Model,
+        taken: &mut TakenUnits,
         progress: &dyn Progress,
         out: &mut (dyn FnMut(Entry, Vec<u8>) + Send),
     ) -> Result<()> {
-        let pieces = std::mem::take(&mut self.pieces);
+        let pieces = std::mem::take(&mut taken.pieces);
         let divided: Vec<_> = pieces.iter().filter(|(_, piece)| piece.is_divided()).collect();
-        let this = &*self;
         let work = |(): &mut (), number: usize| {
             progress.check()?;
             let (key, piece) = divided[number];
             let (mut bytes, mut model) = (Vec::new(), model.clone());
             let mut coder = Encoder::new(&mut bytes);
-            let coded = this.unit(*key, piece, &mut coder, &mut model);
+            let coded = self.unit(*key, piece, &mut coder, &mut model)?;
             coder.finish();
             progress.advance(8);
             Ok((*key, bytes, coded))
         };
-        let mut made = Vec::new();
         let take = |(key, bytes, coded): (NodeKey, Vec<u8>, CodedUnit)| {
             let crc = Entry::crc_of(key.code(), &bytes);
             let splats = coded.cells.piece.splats.len() as u32;
             out(Entry { key: key.code(), bytes: bytes.len() as u32, crc, splats, error: coded.error }, bytes);
-            made.push((coded.error, children(key, &coded)));
+            taken.take(level + 1, coded.error, children(key, &coded));
             Ok(())
         };
-        run_ordered(divided.len(), UNITS_AHEAD * rayon::current_num_threads(), || (), work, take)?;
-        for (error, pieces) in made {
-            self.take(level + 1, error, pieces);
-        }
-        Ok(())
+        run_ordered(divided.len(), UNITS_AHEAD * rayon::current_num_threads(), || (), work, take)
     }
 
     fn unit(
@@ -195,28 +196,30 @@ impl Writer<'_> {
         piece: &NodeCells<Splat>,
         coder: &mut Encoder<'_>,
         model: &mut Model,
-    ) -> CodedUnit {
+    ) -> Result<CodedUnit> {
         let may_divide = key.level() + 1 < self.levels.deepest();
         let setting = Setting { directions: &self.directions, may_divide, has_parents: true };
-        let wanted = self.wanted(key);
+        let wanted = self.wanted(key)?;
         let coded = unit(coder, model, &setting, &piece.found_by_place(), Some(&wanted));
-        coded.expect("an encoder refuses nothing")
+        Ok(coded.expect("an encoder refuses nothing"))
     }
 
     /// The cells of a node's children in one cube.
-    fn wanted(&self, key: NodeKey) -> Cells<SplatInput> {
+    fn wanted(&self, key: NodeKey) -> Result<Cells<SplatInput>> {
         let mut cells = Cells::new(2 * BRICK_CELLS);
         for octant in Octant::all() {
-            let Some(piece) = self.levels.nodes().get(&key.child(octant)) else { continue };
+            let Some(piece) = self.levels.node(key.child(octant))? else { continue };
             let low = octant.offset().map(|c| (c * BRICK_CELLS) as u8);
             for cell in &piece.cells {
                 let at = std::array::from_fn(|a| cell.at[a] + low[a]);
                 cells.push(at, piece.of(cell), cell.clips, cell.divided);
             }
         }
-        cells
+        Ok(cells)
     }
+}
 
+impl TakenUnits {
     /// Counts the nodes of a unit, and keeps those that are divided. `error` is the unit's.
     fn take(&mut self, level: u8, error: u32, pieces: impl IntoIterator<Item = (NodeKey, NodeCells<Splat>)>) {
         let cell = self.header.cell(level);
@@ -230,7 +233,7 @@ impl Writer<'_> {
                 self.finest.0 += finest;
                 self.finest.1 = self.finest.1.max(f64::from(error) / 4096.0 * cell);
             }
-            if level < self.levels.deepest() && piece.is_divided() {
+            if level < self.deepest && piece.is_divided() {
                 self.pieces.insert(key, piece);
             }
         }

@@ -422,65 +422,6 @@ fn axes_are_right_handed() {
     }
 }
 
-/// `cargo test --release -p brickfield-mesh contour::tests::speed -- --ignored --nocapture`
-#[test]
-#[ignore = "a measurement"]
-fn speed() {
-    for level in [3, 4] {
-        let shape = sphere(6.5);
-        let cut = |key: NodeKey| {
-            let half = root().spacing(key.level()) * 16.0;
-            let centre = world(key.base().map(f64::from)).map(|c| c + half);
-            let r = centre.iter().map(|c| c * c).sum::<f64>().sqrt();
-            (r - 6.5).abs() < 1.8 * half + 0.3
-        };
-        let whole = tree(&shape, &|key| key.level() < level);
-        let thin = tree(&shape, &|key| key.level() < 2 || (key.level() < level && cut(key)));
-        // The finest level alternates with the one above it in blocks of four leaves.
-        let chequered = tree(&shape, &|key| {
-            let [x, y, z] = key.position().map(|p| p >> 1);
-            key.level() < level - 1 || (key.level() < level && (x + y + z) % 2 == 0)
-        });
-        for (name, tree) in [("uniform", &whole), ("adaptive", &thin), ("chequered", &chequered)] {
-            let dir = tempfile::tempdir().unwrap();
-            for ending in ["none", "stl", "ply"] {
-                // The best of several: the machine may have other work.
-                let (mut seconds, mut summary) = (f64::INFINITY, MeshSummary::default());
-                for _ in 0..8 {
-                    let mut sink: Box<dyn MeshSink> = match ending {
-                        "none" => Box::new(Count(0)),
-                        _ => create_sink(&dir.path().join("a").with_extension(ending), None).unwrap(),
-                    };
-                    let start = std::time::Instant::now();
-                    summary = contour(tree, &ContourOptions::default(), &mut *sink, &Silent).unwrap();
-                    seconds = seconds.min(start.elapsed().as_secs_f64());
-                }
-                println!(
-                    "level {level} {name} {ending}: {} triangles, {} mixed cells, {seconds:.3} s, {:.1} M/s",
-                    summary.triangles,
-                    summary.mixed_cells,
-                    summary.triangles as f64 / seconds / 1e6
-                );
-            }
-        }
-    }
-}
-
-struct Count(usize);
-impl MeshSink for Count {
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
-        self.0 += positions.len();
-        Ok(())
-    }
-    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
-        self.0 += facets.len();
-        Ok(())
-    }
-    fn finish(&mut self) -> Result<()> {
-        Ok(())
-    }
-}
-
 /// Noise of other densities, sizes and depths.
 fn noise_of_many_kinds(seed: u64) -> MemoryTree {
     let top = u8::from(seed.is_multiple_of(3));
