@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::output::{in_line, print_json};
 use anyhow::Context;
 use brickfield_engine::part::PartFile;
+use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::Path;
@@ -29,17 +30,39 @@ impl TableKind {
     }
 }
 
-/// Rows of values under names.
+/// Bytes of text that are gathered before they are written.
+const CHUNK_BYTES: usize = 1 << 16;
+
+/// Rows of values under names, each made when it is written: tables may have millions of them.
 pub struct Table<'a> {
     /// Names of the columns, in order.
-    pub columns: &'a [&'a str],
-    /// A value for each of them, null where it is not known.
-    pub rows: Vec<Vec<Value>>,
+    columns: &'a [&'a str],
+    /// How many rows there are.
+    count: usize,
+    row: RowMaker<'a>,
 }
 
-impl Table<'_> {
-    /// Lines of values, the first with the names.
-    pub fn csv(&self) -> String {
+/// Makes a row: a value for each column, null where it is not known.
+type RowMaker<'a> = Box<dyn Fn(usize) -> Vec<Value> + 'a>;
+
+impl<'a> Table<'a> {
+    /// A table of so many rows.
+    pub fn new(columns: &'a [&'a str], count: usize, row: impl Fn(usize) -> Vec<Value> + 'a) -> Table<'a> {
+        Table { columns, count, row: Box::new(row) }
+    }
+
+    /// A table of rows that are there.
+    pub fn of_rows(columns: &'a [&'a str], rows: Vec<Vec<Value>>) -> Table<'a> {
+        Table::new(columns, rows.len(), move |n| rows[n].clone())
+    }
+
+    /// How many rows it has.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Hands on lines of values, the first with the names.
+    fn csv(&self, mut write: impl FnMut(&[u8]) -> Result<(), Failure>) -> Result<(), Failure> {
         let mut text = self.columns.join(",") + "\n";
         let cell = |value: &Value| match value {
             Value::Null => String::new(),
@@ -49,30 +72,47 @@ impl Table<'_> {
             Value::String(text) => text.clone(),
             value => value.to_string(),
         };
-        for row in &self.rows {
-            text += &row.iter().map(cell).collect::<Vec<_>>().join(",");
+        for n in 0..self.count {
+            text += &(self.row)(n).iter().map(cell).collect::<Vec<_>>().join(",");
             text.push('\n');
+            if text.len() >= CHUNK_BYTES {
+                write(text.as_bytes())?;
+                text.clear();
+            }
         }
-        text
+        write(text.as_bytes())
     }
 
     /// One object a row.
     pub fn objects(&self) -> Value {
         let names = || self.columns.iter().map(|c| (*c).to_owned());
-        let object =
-            |row: &Vec<Value>| Value::Object(names().zip(row.iter().cloned()).collect::<Map<_, _>>());
-        self.rows.iter().map(object).collect()
+        let object = |n: usize| Value::Object(names().zip((self.row)(n)).collect::<Map<_, _>>());
+        (0..self.count).map(object).collect()
     }
 
-    /// The text of a file of a kind; `document` is what JSON has.
+    /// Appends the table to a file of a kind; `document` is what JSON has.
     ///
     /// # Errors
-    /// If the document cannot be written, which does not happen.
-    pub fn text(&self, kind: TableKind, document: &Value) -> Result<String, Failure> {
-        Ok(match kind {
-            TableKind::Csv => self.csv(),
-            TableKind::Json => serde_json::to_string_pretty(document).context("cannot write JSON")? + "\n",
-        })
+    /// What writing gives.
+    pub fn append_to(
+        &self,
+        file: &mut PartFile,
+        kind: TableKind,
+        document: &impl Serialize,
+    ) -> Result<(), Failure> {
+        match kind {
+            TableKind::Csv => self.csv(|text| Ok(file.append(text)?)),
+            TableKind::Json => {
+                let mut sink = JsonSink { file, text: Vec::new(), error: None };
+                let done = serde_json::to_writer_pretty(&mut sink, document);
+                sink.text.push(b'\n');
+                sink.hand_on();
+                match sink.error {
+                    Some(error) => Err(error.into()),
+                    None => Ok(done.context("cannot write JSON")?),
+                }
+            }
+        }
     }
 
     /// Writes the table to a file that has been created, or prints it where there is none; prints `document` beside a file if
@@ -91,11 +131,81 @@ impl Table<'_> {
                 return print_json(document);
             }
             let mut out = std::io::stdout().lock();
-            return out.write_all(self.csv().as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
+            self.csv(|text| out.write_all(text).map_err(Failure::stdout))?;
+            return out.flush().map_err(Failure::stdout);
         };
-        file.append(self.text(kind, document)?.as_bytes())?;
+        self.append_to(&mut file, kind, document)?;
         file.finish()?;
         if json { print_json(document) } else { Ok(()) }
+    }
+}
+
+/// Objects, one a row.
+impl Serialize for Table<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer
+            .collect_seq((0..self.count).map(|n| TableRow { columns: self.columns, row: (self.row)(n) }))
+    }
+}
+
+struct TableRow<'a> {
+    columns: &'a [&'a str],
+    row: Vec<Value>,
+}
+
+impl Serialize for TableRow<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.columns.iter().zip(&self.row))
+    }
+}
+
+/// Totals, and a table under a name behind them.
+pub struct TableDocument<'a> {
+    pub totals: Map<String, Value>,
+    pub name: &'a str,
+    pub table: &'a Table<'a>,
+}
+
+impl Serialize for TableDocument<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.totals.len() + 1))?;
+        self.totals.iter().try_for_each(|(name, value)| map.serialize_entry(name, value))?;
+        map.serialize_entry(self.name, self.table)?;
+        map.end()
+    }
+}
+
+/// JSON on its way to a file.
+struct JsonSink<'a> {
+    file: &'a mut PartFile,
+    text: Vec<u8>,
+    /// Why writing ended.
+    error: Option<brickfield_engine::Error>,
+}
+
+impl JsonSink<'_> {
+    fn hand_on(&mut self) {
+        if self.error.is_none() {
+            self.error = self.file.append(&self.text).err();
+        }
+        self.text.clear();
+    }
+}
+
+impl Write for JsonSink<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.text.extend(bytes);
+        if self.text.len() >= CHUNK_BYTES {
+            self.hand_on();
+        }
+        match self.error {
+            Some(_) => Err(std::io::Error::other("not written")),
+            None => Ok(bytes.len()),
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
     }
 }
 

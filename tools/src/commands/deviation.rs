@@ -167,7 +167,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     }
     bars.clear();
     if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
-        file.append(table.text(kind, &document)?.as_bytes())?;
+        table.append_to(&mut file, kind, &document)?;
         file.finish()?;
     }
     if args.json {
@@ -324,7 +324,7 @@ fn table(store: &Store, sides: &[Vec<Region>; 2], cell: f64) -> Result<Table<'st
             rows.push(cells);
         }
     }
-    Ok(Table { columns: &COLUMNS, rows })
+    Ok(Table::of_rows(&COLUMNS, rows))
 }
 
 fn summary(

@@ -271,7 +271,7 @@ fn table(rows: &[Row], totals: &Totals, heights: &[f64], cell: f64) -> Table<'st
             known(own_overlap, &error),
         ]
     };
-    Table { columns: &COLUMNS, rows: rows.iter().enumerate().map(row).collect() }
+    Table::of_rows(&COLUMNS, rows.iter().enumerate().map(row).collect())
 }
 
 fn document(store: &Store, rows: &[Row], totals: &Totals, table: &Table<'_>) -> Value {

@@ -92,7 +92,7 @@ pub fn run(args: &MachineArgs) -> Result<(), Failure> {
     job.warn(&found);
     let document = job.document(&found, begun.elapsed().as_secs_f64());
     if let (Some((mut file, kind)), Some(voids)) = (file, &found.voids) {
-        file.append(job.table(voids).text(kind, &document)?.as_bytes())?;
+        job.table(voids).append_to(&mut file, kind, &document)?;
         file.finish()?;
     }
     if args.json {
@@ -290,7 +290,7 @@ impl Job<'_> {
             cells.push(json!(line));
             cells
         };
-        Table { columns: &COLUMNS, rows: voids.iter().map(row).collect() }
+        Table::of_rows(&COLUMNS, voids.iter().map(row).collect())
     }
 
     fn document(&self, found: &MachineFindings, seconds: f64) -> Value {

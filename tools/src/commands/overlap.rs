@@ -64,7 +64,7 @@ pub fn run(args: &OverlapArgs) -> Result<(), Failure> {
         let sum = sum(&found);
         let (name, unit) = (in_line(output), unit_of(store.meta()));
         let volume = measured(sum.volume, sum.error());
-        print(&format!("{name}: {} rows; {} pairs, {volume} {unit}³", table.rows.len(), sum.pairs))?;
+        print(&format!("{name}: {} rows; {} pairs, {volume} {unit}³", table.count(), sum.pairs))?;
     }
     Ok(())
 }
@@ -126,7 +126,7 @@ fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlap
         cells.extend([digits(error * 1.05), six_digits(row.sampled), json!(row.pairs)]);
         cells
     };
-    Table { columns: &COLUMNS, rows: rows.into_iter().map(values).collect() }
+    Table::of_rows(&COLUMNS, rows.into_iter().map(values).collect())
 }
 
 fn document(

@@ -75,7 +75,7 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     }
     bars.clear();
     if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
-        file.append(table.text(kind, &document)?.as_bytes())?;
+        table.append_to(&mut file, kind, &document)?;
         file.finish()?;
     }
     if args.json {
@@ -139,7 +139,7 @@ fn table(store: &Store, regions: &[Region], cell: f64) -> Result<Table<'static>,
         cells.extend(layers[n].clone());
         cells
     };
-    Ok(Table { columns: &COLUMNS, rows: regions.iter().enumerate().map(row).collect() })
+    Ok(Table::of_rows(&COLUMNS, regions.iter().enumerate().map(row).collect()))
 }
 
 /// Some shares of sorted numbers: what so many of all are at most.

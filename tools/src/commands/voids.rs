@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::measured::measured;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
-use crate::table::{Table, TableKind, to_place};
+use crate::table::{Table, TableDocument, TableKind, to_place};
 use crate::void_args::{VoidConnectivityArg, VoidsArgs};
 use anyhow::anyhow;
 use brickfield_engine::ingest::{Facets, Input, OpenOptions};
@@ -100,7 +100,7 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
     let found = find(&store, &options, &bars)?;
     let table = table(&found, cell_of(&store));
     let document = document(&store, &found, &table);
-    file.append(table.text(kind, &document)?.as_bytes())?;
+    table.append_to(&mut file, kind, &document)?;
     file.finish()?;
     outputs.write(&store, &found, &bars)?;
     bars.clear();
@@ -203,9 +203,9 @@ fn cell_of(store: &Store) -> f64 {
     store.root().spacing(store.meta().depth)
 }
 
-fn document(store: &Store, found: &Voids, table: &Table<'_>) -> Value {
+fn document<'a>(store: &Store, found: &Voids, table: &'a Table<'_>) -> TableDocument<'a> {
     let porosity = found.porosity();
-    json!({
+    let totals = json!({
         "unit": store.meta().unit,
         "cell": cell_of(store),
         "count": found.voids.len(),
@@ -218,8 +218,9 @@ fn document(store: &Store, found: &Voids, table: &Table<'_>) -> Value {
         "porosity": porosity.value,
         "porosity_error": porosity.error,
         "throat_cell": found.throat_cell,
-        "voids": table.objects(),
-    })
+    });
+    let totals = totals.as_object().cloned().unwrap_or_default();
+    TableDocument { totals, name: "voids", table }
 }
 
 /// A void's values in the order of [`COLUMNS`]; null where one is not known. Lengths are told to a hundredth of a `cell`,
@@ -276,6 +277,6 @@ fn shape(void: &Void) -> Vec<Value> {
     cells
 }
 
-fn table(found: &Voids, cell: f64) -> Table<'static> {
-    Table { columns: &COLUMNS, rows: found.voids.iter().map(|void| cells(void, cell)).collect() }
+fn table(found: &Voids, cell: f64) -> Table<'_> {
+    Table::new(&COLUMNS, found.voids.len(), move |n| cells(&found.voids[n], cell))
 }

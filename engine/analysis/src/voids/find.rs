@@ -445,14 +445,19 @@ fn measure_distances(
     let unit = root.unit();
     let cell = root.spacing(store.meta().depth) / unit;
     let reach = 0.75 * cell;
-    let mut own: BTreeMap<u32, Vec<Point>> = BTreeMap::new();
-    points.iter().for_each(|point| own.entry(point.component).or_default().push(*point));
+    let mut by_component = points.clone();
+    by_component.sort_by_key(|point| point.component);
+    let of_component = |component: u32| {
+        let from = by_component.partition_point(|point| point.component < component);
+        let rest = &by_component[from..];
+        &rest[..rest.partition_point(|point| point.component == component)]
+    };
     let (outer, points) = (outer.map(PointTree::new), PointTree::new(points));
     progress.phase("distances between voids", Some(voids.len() as u64), "voids");
     voids.par_iter_mut().try_for_each(|void| {
         progress.check()?;
         let component = void.component as u32;
-        let tree = PointTree::new(own.get(&component).cloned().unwrap_or_default());
+        let tree = PointTree::new(of_component(component).to_vec());
         let nearest = |others: &PointTree| {
             let mut best = f64::INFINITY;
             for point in tree.points() {

@@ -40,8 +40,8 @@ pub struct VoidSurface {
     first: [f64; 3],
     /// Its triangles, if they were asked for, turned to face out of the void.
     pub mesh: Vec<[[f32; 3]; 3]>,
-    /// The farthest vertices in some directions.
-    farthest: Box<[(f64, [f64; 3]); DIRECTIONS]>,
+    /// The farthest vertices in some directions, once it has any.
+    farthest: Option<Box<[[f32; 3]; DIRECTIONS]>>,
 }
 
 impl Default for VoidSurface {
@@ -55,13 +55,13 @@ impl Default for VoidSurface {
             second: [[0.0; 3]; 3],
             first: [0.0; 3],
             mesh: Vec::new(),
-            farthest: Box::new([(f64::NEG_INFINITY, [0.0; 3]); DIRECTIONS]),
+            farthest: None,
         }
     }
 }
 
 impl VoidSurface {
-    fn add(&mut self, other: VoidSurface) {
+    fn add(&mut self, other: VoidSurface, directions: &[[f64; 3]; DIRECTIONS]) {
         self.mesh.extend(&other.mesh);
         for a in 0..3 {
             self.projected[a] += other.projected[a];
@@ -75,25 +75,25 @@ impl VoidSurface {
             self.bounds[0][a] = self.bounds[0][a].min(other.bounds[0][a]);
             self.bounds[1][a] = self.bounds[1][a].max(other.bounds[1][a]);
         }
-        for (own, other) in self.farthest.iter_mut().zip(other.farthest.iter()) {
-            // Of equally far ones the first in Morton order.
-            if other.0 > own.0 {
-                *own = *other;
+        match (&mut self.farthest, other.farthest) {
+            (Some(own), Some(other)) => {
+                own.iter_mut()
+                    .zip(*other)
+                    .zip(directions)
+                    .for_each(|((own, at), n)| keep_farthest(own, at, *n));
             }
+            (own @ None, other) => *own = other,
+            (Some(_), None) => {}
         }
     }
 
-    fn vertex(&mut self, at: [f64; 3], directions: &[[f64; 3]; DIRECTIONS]) {
+    fn vertex(&mut self, at: [f32; 3], directions: &[[f64; 3]; DIRECTIONS]) {
         let [low, high] = &mut self.bounds;
-        for ((low, high), at) in low.iter_mut().zip(high).zip(at) {
+        for ((low, high), at) in low.iter_mut().zip(high).zip(at.map(f64::from)) {
             (*low, *high) = (low.min(at), high.max(at));
         }
-        for (farthest, direction) in self.farthest.iter_mut().zip(directions) {
-            let far = dot(at, *direction);
-            if far > farthest.0 {
-                *farthest = (far, at);
-            }
-        }
+        let farthest = self.farthest.get_or_insert_with(|| Box::new([at; DIRECTIONS]));
+        farthest.iter_mut().zip(directions).for_each(|(own, n)| keep_farthest(own, at, *n));
     }
 
     /// Longest over shortest extent, by the spread of the area along its principal axes.
@@ -111,9 +111,17 @@ impl VoidSurface {
 
     /// The diameter of the smallest ball around the farthest vertices.
     pub fn diameter(&self) -> f64 {
-        let points: Vec<[f64; 3]> =
-            self.farthest.iter().filter(|(far, _)| far.is_finite()).map(|(_, at)| *at).collect();
-        2.0 * smallest_ball(&points)
+        let points = self.farthest.iter().flat_map(|all| all.iter());
+        2.0 * smallest_ball(&points.map(|at| at.map(f64::from)).collect::<Vec<_>>())
+    }
+}
+
+/// Keeps the vertex that lies farther in a direction; of equally far ones the first in Morton order.
+#[inline]
+fn keep_farthest(own: &mut [f32; 3], at: [f32; 3], direction: [f64; 3]) {
+    let far = |at: [f32; 3]| dot(at.map(f64::from), direction);
+    if far(at) > far(*own) {
+        *own = at;
     }
 }
 
@@ -159,7 +167,7 @@ pub(super) fn surfaces(
     let mut all: BTreeMap<usize, VoidSurface> = BTreeMap::new();
     edge_facets(&voids, cache_bytes, (Bend::Slight, is_wanted), progress, make, |surfaces| {
         for (component, surface) in surfaces {
-            all.entry(component).or_default().add(surface);
+            all.entry(component).or_default().add(surface, &directions);
         }
         Ok(())
     })?;
@@ -200,7 +208,7 @@ fn add_polygon(
         surface.volume -= dot(minus(a, centre), doubled) / 6.0;
         vector = [0, 1, 2].map(|n| vector[n] + 0.5 * doubled[n]);
         miss = miss.or_else(|| height(axis, [a, b, c], crossing));
-        [a, b, c].into_iter().for_each(|corner| surface.vertex(corner, directions));
+        facet.corners.iter().for_each(|corner| surface.vertex(*corner, directions));
     }
     surface.area += area;
     surface.open = [0, 1, 2].map(|n| surface.open[n] + vector[n]);
