@@ -92,7 +92,7 @@ Examples:
   brickfield build part.stl -o part-2.brf --shard 2/4; brickfield cache merge part-?.brf -o part.brf")]
 pub struct BuildArgs {
     /// Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: STL, OBJ, PLY, OFF, 3MF, AMF, GLB, X3D Extrusions.
-    /// Or point clouds: PLY, XYZ; or one volume: .npy, .mha, .mhd, .raw
+    /// Or point clouds: PLY, XYZ; or one volume: .vdb, .vti, .mha, .mhd, .npy, .raw
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The store to write
@@ -108,6 +108,9 @@ pub struct BuildArgs {
     /// Take what has this value and more for solid in a volume, as grey values of computed tomography
     #[arg(long, value_name = "VALUE", conflicts_with = "volume_as", allow_hyphen_values = true)]
     pub threshold: Option<f64>,
+    /// Which grid or array of a volume with several is read, by its name (`info` lists them) [default: the first of numbers]
+    #[arg(long, value_name = "NAME")]
+    pub field: Option<String>,
     /// What w counts of beads as solids. The union of all does not depend on it [default: passes]
     #[arg(long, value_enum)]
     pub count: Option<CountArg>,
