@@ -17,6 +17,9 @@ use crate::view_args::WindowArgs;
 use crate::void_args::VoidsArgs;
 use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::brick::Count;
+use brickfield_engine::contour::listed_mesh_endings;
+use brickfield_engine::import::endings as volume_endings;
+use brickfield_engine::ingest::mesh_endings;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -91,9 +94,7 @@ Examples:
   brickfield build scan.mha -o scan.brf --threshold 32000
   brickfield build part.stl -o part-2.brf --shard 2/4; brickfield cache merge part-?.brf -o part.brf")]
 pub struct BuildArgs {
-    /// Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: STL, OBJ, PLY, OFF, 3MF, AMF, GLB, X3D Extrusions.
-    /// Or point clouds: PLY, XYZ; or one volume: .vdb, .vti, .mha, .mhd, .npy, .raw
-    #[arg(required = true, value_name = "INPUT")]
+    #[arg(required = true, value_name = "INPUT", help = inputs_of_build())]
     pub inputs: Vec<PathBuf>,
     /// The store to write
     #[arg(long, short, value_name = "PART.brf")]
@@ -213,8 +214,7 @@ pub struct BuildArgs {
     /// Begin anew, whatever an unfinished store of that name holds
     #[arg(long)]
     pub restart: bool,
-    /// Also write the boundary mesh, w = 0.5, as .stl, .ply, .obj, .3mf or .glb
-    #[arg(long, value_name = "OUT")]
+    #[arg(long, value_name = "OUT", help = format!("Also write the boundary mesh, w = 0.5, as {}", listed_mesh_endings(" or ")))]
     pub mesh: Option<PathBuf>,
     /// Print the summary as JSON
     #[arg(long)]
@@ -563,4 +563,16 @@ mod tests {
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
     }
+}
+
+/// What `build` takes, by the tables of formats.
+fn inputs_of_build() -> String {
+    let meshes: Vec<String> = mesh_endings().map(str::to_uppercase).collect();
+    let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
+    format!(
+        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, XYZ; or \
+         one volume: {}",
+        meshes.join(", "),
+        volumes.join(", ")
+    )
 }

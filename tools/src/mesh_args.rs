@@ -3,6 +3,7 @@
 use crate::args::{IoArg, MethodArg};
 use crate::units::{Length, Size, Tolerance};
 use crate::work::WorkArgs;
+use brickfield_engine::contour::listed_mesh_endings;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args};
 use std::path::PathBuf;
@@ -28,8 +29,8 @@ pub struct MeshArgs {
     /// The store; with --check and without -o the mesh to check: STL, OBJ, PLY
     #[arg(value_name = "PART.brf|MESH")]
     pub file: PathBuf,
-    /// The mesh to write; its ending decides the format: .stl (binary), .ply (binary), .obj, .3mf, .glb
-    #[arg(long, short, value_name = "OUT", required_unless_present = "check")]
+    #[arg(long, short, value_name = "OUT", required_unless_present = "check",
+        help = format!("The mesh to write; its ending decides the format: {}", listed_mesh_endings(", ")))]
     pub output: Option<PathBuf>,
     /// Check the mesh that was written, or without -o the one that is given
     #[arg(long)]
@@ -93,7 +94,7 @@ pub struct MeshArgs {
     /// It takes a tenth to a third more time, of beads a third to three quarters, and with a tolerance up to twice as long.
     #[arg(long, requires = "output", conflicts_with = "method")]
     pub follow_creases: bool,
-    /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around it
+    /// Give every vertex its normal, where the format has them: the mean of those of the surface at the lattice edges around it
     ///
     /// At a sharp edge of the part it is one between both sides. Viewers shade smoothly by normals; they show a .glb without
     /// them flat, facet by facet.

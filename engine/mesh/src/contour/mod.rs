@@ -112,7 +112,7 @@ pub use shells::{Angles, KeptCounts, NestingSink, SHELL_BYTES_A_VERTEX, Shell, S
 pub use single_brick::{SingleBrick, SingleBrickCells, has_one_sheet};
 pub use sink::{
     DiscardSink, MeshArrays, MeshChunk, MeshEncoding, MeshSink, PositionsSink, TriangleBytes, VertexBytes,
-    create_sink, create_sink_with_normals, ply_faces,
+    create_sink, create_sink_with_normals, listed_mesh_endings, ply_faces, written_mesh_endings,
 };
 
 pub use tagged::{Bend, EdgeFacet, edge_facets};
