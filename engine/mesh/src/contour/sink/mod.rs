@@ -543,7 +543,7 @@ mod tests {
     fn every_call_may_fail_and_the_power_go() {
         let plain = FORMATS.map(|format| (format, false));
         for (format, normals) in plain.into_iter().chain(FORMATS_WITH_NORMALS.map(|format| (format, true))) {
-            let MeshFormat { begin, has_normals, .. } = format_of(Path::new(format)).unwrap();
+            let &MeshFormat { begin, has_normals, .. } = format_of(Path::new(format)).unwrap();
             assert!(has_normals || !normals);
             // Enough for several writes.
             let many = vec![facets(); 1000].concat();
