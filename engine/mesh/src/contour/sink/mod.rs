@@ -3,6 +3,7 @@
 mod arrays;
 mod glb;
 mod obj;
+mod placed;
 mod ply;
 mod stl;
 mod three_mf;
@@ -15,6 +16,7 @@ use std::path::Path;
 
 pub(super) use arrays::triples;
 pub use arrays::{DiscardSink, MeshArrays, PositionsSink};
+pub use placed::{Coordinates, DOUBLE_ENDINGS, FaceAttributes, PlacedSink};
 pub use ply::ply_faces;
 
 /// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that
