@@ -15,11 +15,14 @@ fn ends_in(path: &Path, endings: &[&str]) -> bool {
     endings.iter().any(|known| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(known)))
 }
 
-/// By how much 32 bits round the largest coordinate.
+/// Rounding by more than this part of a cell is refused by what makes meshes.
+const LEAST_PART: f64 = 16.0;
+
+/// By how much 32 bits round the largest coordinate; nothing where another origin would not make that less.
 fn rounding(store: &Store) -> f64 {
     let root = store.root();
     let most = root.origin.iter().map(|c| c.abs().max((c + root.edge).abs())).fold(0.0, f64::max);
-    most * f64::from(f32::EPSILON) / 2.0
+    if most > 2.0 * root.edge { most * f64::from(f32::EPSILON) / 2.0 } else { 0.0 }
 }
 
 /// Whether the mesh is made about the middle of the part, and its coordinates have 64 bits.
@@ -43,8 +46,11 @@ pub(super) fn is_moved(
         return Ok(args.double || is_needed);
     }
     let (off, unit) = (rounding(store), super::unit_of(store.meta()));
-    let what = format!("coordinates are rounded by up to {off:.1e} {unit}, cells are {cell:.1e} {unit}");
-    let remedy = "write .ply or .obj without normals, which have 64 bits";
+    let what = format!("32 bits round coordinates by up to {off:.1e} {unit}, cells are {cell:.1e} {unit}");
+    let remedy = "write .ply or .obj without normals, which have 64";
+    if off > cell / LEAST_PART {
+        return Err(anyhow::anyhow!("{}: {what}; {remedy}", in_line(output)).into());
+    }
     warn(&format!("{}: {what}: {remedy}", in_line(output)));
     Ok(false)
 }

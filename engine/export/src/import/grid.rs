@@ -102,6 +102,13 @@ fn numbers<const N: usize>(bytes: &[u8], out: &mut Vec<f64>, number: impl Fn([u8
     out.extend(bytes.as_chunks::<N>().0.iter().map(|&chunk| number(chunk)));
 }
 
+/// A text of a file as a part of a line.
+pub(super) fn plain(text: &str) -> String {
+    /// Names are not longer.
+    const MOST: usize = 80;
+    text.escape_debug().take(MOST).collect()
+}
+
 /// Where the samples of a grid lie in the world.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct GridPlacement {

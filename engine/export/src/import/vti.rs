@@ -1,7 +1,7 @@
 //! VTK image data: XML with arrays as text, as base64, or behind the elements.
 
 use super::description::equal;
-use super::grid::{Grid, GridLayout, GridPlacement, SampleType};
+use super::grid::{Grid, GridLayout, GridPlacement, SampleType, plain};
 use super::packed::{Packed, Packing};
 use super::tags::{Tag, tags};
 use crate::error::{Error, Result};
@@ -50,7 +50,12 @@ impl DataArray<'_> {
 
     fn told(&self) -> String {
         let kind = self.tag.value("type").unwrap_or("no type");
-        format!("{}: {kind}, of {}", self.name(), if self.is_cells { "cells" } else { "points" })
+        format!(
+            "{}: {}, of {}",
+            plain(self.name()),
+            plain(kind),
+            if self.is_cells { "cells" } else { "points" }
+        )
     }
 }
 
@@ -138,7 +143,7 @@ pub(super) fn open(path: &Path, file: MappedFile, field: Option<&str>) -> Result
         Some("vtkZLibDataCompressor") => true,
         Some(other) => {
             let remedy = "write it with zlib, or without compression";
-            return Err(Error::input(path, "compressor", format!("is {other}"), remedy));
+            return Err(Error::input(path, "compressor", format!("is {}", plain(other)), remedy));
         }
     };
     let header_bytes = if head.value("header_type") == Some("UInt64") { 8 } else { 4 };

@@ -12,7 +12,7 @@ mod tree;
 mod values;
 
 use super::description::equal;
-use super::grid::{Grid, GridLayout, GridPlacement, SampleType};
+use super::grid::{Grid, GridLayout, GridPlacement, SampleType, plain};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use cursor::Cursor;
@@ -56,11 +56,8 @@ impl GridEntry<'_> {
     fn told(&self) -> String {
         let kind =
             self.kind.trim_start_matches("Tree_").replace("_5_4_3", "").replace("_HalfFloat", " as half");
-        format!(
-            "{}: {kind}, {}",
-            self.name,
-            if self.head.class.is_empty() { "no class" } else { self.head.class }
-        )
+        let class = if self.head.class.is_empty() { "no class" } else { self.head.class };
+        format!("{}: {}, {}", plain(self.name), plain(&kind), plain(class))
     }
 }
 
@@ -70,7 +67,7 @@ pub(super) fn open(path: &Path, file: MappedFile, field: Option<&str>) -> Result
     let chosen = chosen(path, &entries, field)?;
     let entry = &entries[chosen];
     let number = entry.number().ok_or_else(|| {
-        let what = format!("grid {} is of the type {}", entry.name, entry.kind);
+        let what = format!("grid {} is of the type {}", plain(entry.name), plain(entry.kind));
         Error::input(path, "grids", what, "give a grid of floats or integers")
     })?;
     let mut cursor = Cursor::new(path, file.bytes(), entry.head.transform_at);
