@@ -7,6 +7,7 @@ mod placed;
 mod ply;
 mod stl;
 mod three_mf;
+mod three_mf_parts;
 
 use super::cut::MeshTriangle;
 use super::cut::{Cuts, encoded};
@@ -18,6 +19,7 @@ pub(super) use arrays::triples;
 pub use arrays::{DiscardSink, MeshArrays, PositionsSink};
 pub use placed::{Coordinates, DOUBLE_ENDINGS, FaceAttributes, PlacedSink};
 pub use ply::ply_faces;
+pub use three_mf_parts::{MeshPart, write_three_mf_parts};
 
 /// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that
 /// keeps a mesh has its own `vertices` and `triangles`, or, with normals, `wants_normals`, `vertices_with_normals` and
