@@ -57,7 +57,8 @@ impl GridEntry<'_> {
         let kind =
             self.kind.trim_start_matches("Tree_").replace("_5_4_3", "").replace("_HalfFloat", " as half");
         let class = if self.head.class.is_empty() { "no class" } else { self.head.class };
-        format!("{}: {}, {}", plain(self.name), plain(&kind), plain(class))
+        let name = if self.name.is_empty() { "no name" } else { self.name };
+        format!("{}: {}, {}", plain(name), plain(&kind), plain(class))
     }
 }
 
