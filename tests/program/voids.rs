@@ -172,8 +172,7 @@ fn voids_are_written_as_meshes_and_labels() {
     let three_mf = dir.path("v.3mf");
     run(&[&"voids", &part, &"-o", &out, &"--mesh", &three_mf, &"-q"]).ok();
     run(&[&"mesh", &three_mf, &"--check", &"-q"]).ok();
-    let told =
-        run(&[&"info", &three_mf, &"--json"]).json();
+    let told = run(&[&"info", &three_mf, &"--json"]).json();
     let names: Vec<&str> =
         told["objects"].as_array().unwrap().iter().filter_map(|o| o["name"].as_str()).collect();
     assert_eq!(names, ["void 1", "void 2"], "{told}");

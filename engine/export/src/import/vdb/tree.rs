@@ -53,9 +53,10 @@ struct Reached([[i64; 3]; 2]);
 
 impl Reached {
     fn add(&mut self, first: [i64; 3], bits: u32) {
-        for a in 0..3 {
-            self.0[0][a] = self.0[0][a].min(first[a]);
-            self.0[1][a] = self.0[1][a].max(first[a] + (1 << bits));
+        let [low, high] = &mut self.0;
+        for (a, c) in first.into_iter().enumerate() {
+            low[a] = low[a].min(c);
+            high[a] = high[a].max(c + (1 << bits));
         }
     }
 }
@@ -102,7 +103,9 @@ impl VdbTree {
         if low[0] > high[0] {
             return Err(cursor.error("the grid holds nothing but its background", "choose another grid"));
         }
-        tree.range = [low.map(|c| c.div_euclid(STEP) * STEP), high];
+        // One sample of what lies outside behind the last, if there is room in the last brick.
+        let end = |c: i64| if c % STEP == 0 { c } else { c + 1 };
+        tree.range = [low.map(|c| c.div_euclid(STEP) * STEP), high.map(end)];
         Ok(tree)
     }
 
