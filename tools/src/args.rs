@@ -554,6 +554,18 @@ pub struct VerifyArgs {
     pub work: WorkArgs,
 }
 
+/// What `build` takes, by the tables of formats.
+fn inputs_of_build() -> String {
+    let meshes: Vec<String> = mesh_endings().map(str::to_uppercase).collect();
+    let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
+    format!(
+        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, PCD, XYZ; or \
+         one volume: {}",
+        meshes.join(", "),
+        volumes.join(", ")
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -563,16 +575,4 @@ mod tests {
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
     }
-}
-
-/// What `build` takes, by the tables of formats.
-fn inputs_of_build() -> String {
-    let meshes: Vec<String> = mesh_endings().map(str::to_uppercase).collect();
-    let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
-    format!(
-        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, XYZ; or \
-         one volume: {}",
-        meshes.join(", "),
-        volumes.join(", ")
-    )
 }

@@ -1,7 +1,7 @@
 //! Which format a file is in: by its content if that is conclusive, else by its ending.
 
 use super::formats::{FileStart, MeshFormat, TellTale, readable};
-use super::{cloud_text, foreign, ply, stl, text, three_mf};
+use super::{cloud_text, foreign, pcd, ply, stl, text, three_mf};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use std::path::Path;
@@ -38,7 +38,7 @@ const BYTES_A_CONTROL: usize = 16;
 pub enum InputKind {
     /// A mesh: its format, as in "STL".
     Mesh(&'static str),
-    /// Points without faces: "PLY" or "XYZ".
+    /// Points without faces: "PLY", "PCD" or "XYZ".
     Cloud(&'static str),
     /// G-code.
     Toolpath,
@@ -72,6 +72,9 @@ pub(super) fn what_is(path: &Path, bytes: &[u8]) -> InputKind {
     }
     if ply::is_ply(bytes) && ply::has_faces(path, bytes).is_ok_and(|has_faces| !has_faces) {
         return InputKind::Cloud("PLY");
+    }
+    if pcd::is_pcd(bytes) {
+        return InputKind::Cloud("PCD");
     }
     match family(path, bytes) {
         Ok(ReaderKind::BinaryStl | ReaderKind::AsciiStl) => InputKind::Mesh("STL"),

@@ -22,6 +22,7 @@ mod gltf;
 mod obj;
 mod off;
 mod origin;
+mod pcd;
 mod placement;
 mod ply;
 mod polygons;
