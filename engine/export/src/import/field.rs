@@ -1,6 +1,6 @@
 //! Bricks of a grid: samples, and crossings by straight lines between them.
 
-use super::grid::{Grid, SampleBox};
+use super::grid::{Grid, GridBox};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube, dot};
@@ -332,7 +332,7 @@ impl<'a> Field<'a> {
         let near = |a: usize, within: i64| -> usize {
             (first[a] + within - 1 - self.margin as i64).clamp(0, shape[a] as i64 - 1) as usize
         };
-        let samples: SampleBox =
+        let samples: GridBox =
             [std::array::from_fn(|a| near(a, 0)), std::array::from_fn(|a| near(a, BLOCK as i64 - 1) + 1)];
         let mut values = Vec::new();
         self.grid.read(samples, &mut values)?;

@@ -123,7 +123,7 @@ pub(super) struct GridPlacement {
 }
 
 /// A box of samples of a grid: the first along x, y and z, and those behind the last.
-pub(super) type SampleBox = [[usize; 3]; 2];
+pub(super) type GridBox = [[usize; 3]; 2];
 
 /// Where the values of a grid come from. `bytes` are those of its file.
 pub(super) trait SampleSource: Send + Sync {
@@ -133,10 +133,10 @@ pub(super) trait SampleSource: Send + Sync {
     }
 
     /// Puts the values of a box into an empty list, x fastest.
-    fn read(&self, bytes: &[u8], samples: SampleBox, out: &mut Vec<f64>) -> Result<()>;
+    fn read(&self, bytes: &[u8], samples: GridBox, out: &mut Vec<f64>) -> Result<()>;
 
     /// The value of all samples of a box of at most 40 along an axis, if that is one and told without reading them.
-    fn uniform(&self, _samples: SampleBox) -> Option<f64> {
+    fn uniform(&self, _samples: GridBox) -> Option<f64> {
         None
     }
 
@@ -174,7 +174,7 @@ struct InPlace {
 }
 
 impl SampleSource for InPlace {
-    fn read(&self, bytes: &[u8], samples: SampleBox, out: &mut Vec<f64>) -> Result<()> {
+    fn read(&self, bytes: &[u8], samples: GridBox, out: &mut Vec<f64>) -> Result<()> {
         let size = self.number.bytes();
         for_rows(self.shape, samples, |at, count| {
             let start = self.first + at * size;
@@ -187,7 +187,7 @@ impl SampleSource for InPlace {
 /// Calls with the index of the first sample and the count of each row of a box.
 pub(super) fn for_rows(
     [across, up, _]: [usize; 3],
-    [low, high]: SampleBox,
+    [low, high]: GridBox,
     mut row: impl FnMut(usize, usize) -> Result<()>,
 ) -> Result<()> {
     for k in low[2]..high[2] {
@@ -294,13 +294,13 @@ impl Grid {
     }
 
     /// Puts the values of a box into a list, x fastest.
-    pub(super) fn read(&self, samples: SampleBox, out: &mut Vec<f64>) -> Result<()> {
+    pub(super) fn read(&self, samples: GridBox, out: &mut Vec<f64>) -> Result<()> {
         out.clear();
         self.source.read(self.file.bytes(), samples, out)
     }
 
     /// See [`SampleSource::uniform`].
-    pub(super) fn uniform(&self, samples: SampleBox) -> Option<f64> {
+    pub(super) fn uniform(&self, samples: GridBox) -> Option<f64> {
         self.source.uniform(samples)
     }
 

@@ -1,7 +1,7 @@
 //! Samples that are compressed or written as text: unpacked once, into a temporary file, from which boxes are read.
 
 use super::base64::Base64;
-use super::grid::{GridLayout, SampleBox, SampleSource, SampleType, for_rows};
+use super::grid::{GridBox, GridLayout, SampleSource, SampleType, for_rows};
 use crate::error::{Error, Result};
 use crate::part::temporary::TempFile;
 use crate::progress::Progress;
@@ -184,7 +184,7 @@ impl SampleSource for Packed {
         Ok(())
     }
 
-    fn read(&self, _: &[u8], samples: SampleBox, out: &mut Vec<f64>) -> Result<()> {
+    fn read(&self, _: &[u8], samples: GridBox, out: &mut Vec<f64>) -> Result<()> {
         let file = self.unpacked.as_ref().ok_or_else(|| self.error("are not unpacked yet"))?;
         let size = self.number.bytes();
         let mut row = Vec::new();

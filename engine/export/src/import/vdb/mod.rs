@@ -19,7 +19,7 @@ use cursor::Cursor;
 use std::path::Path;
 use transform::GridTransform;
 use tree::VdbTree;
-use values::{Number, ValueCoding};
+use values::{ValueCoding, VdbNumber};
 
 const MAGIC: u64 = 0x5644_4220;
 /// Versions with the same layout for grids of numbers.
@@ -49,8 +49,8 @@ struct GridHead<'a> {
 
 impl GridEntry<'_> {
     /// The type of its values, and whether they are kept as halves.
-    fn number(&self) -> Option<Number> {
-        Number::of_tree(self.kind)
+    fn number(&self) -> Option<VdbNumber> {
+        VdbNumber::of_tree(self.kind)
     }
 
     fn told(&self) -> String {
@@ -84,8 +84,8 @@ pub(super) fn open(path: &Path, file: MappedFile, field: Option<&str>) -> Result
     let mut fields: Vec<_> = entries.iter().map(GridEntry::told).collect();
     fields.swap(0, chosen);
     let number = match number {
-        Number { kind: SampleType::F64, .. } => SampleType::F64,
-        Number { kind, .. } => kind,
+        VdbNumber { kind: SampleType::F64, .. } => SampleType::F64,
+        VdbNumber { kind, .. } => kind,
     };
     let layout = GridLayout { number, shape: tree.shape(), place, format: "OpenVDB grid" };
     Ok(Grid::new(path, file, layout, Box::new(tree))?.with_fields(fields, None))

@@ -51,7 +51,7 @@ impl TileValues {
 
 /// What a node has at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Entry {
+pub(super) enum NodeEntry {
     /// One value.
     Tile(f64),
     /// The child of this number among all of its kind.
@@ -95,18 +95,18 @@ impl InnerNode {
     }
 
     /// What is at a place.
-    pub fn at(&self, place: usize) -> Entry {
+    pub fn at(&self, place: usize) -> NodeEntry {
         let (word, before) = self.children[place / 64];
         let bit = place % 64;
         if word >> bit & 1 == 0 {
-            return Entry::Tile(self.tiles.at(place));
+            return NodeEntry::Tile(self.tiles.at(place));
         }
         let inside = (word & ((1 << bit) - 1)).count_ones();
-        Entry::Child(self.first_child + (before + inside) as usize)
+        NodeEntry::Child(self.first_child + (before + inside) as usize)
     }
 
     /// All places that are not what `outside` is.
     pub fn reached(&self, outside: f64) -> impl Iterator<Item = usize> {
-        (0..64 * self.children.len()).filter(move |&place| self.at(place) != Entry::Tile(outside))
+        (0..64 * self.children.len()).filter(move |&place| self.at(place) != NodeEntry::Tile(outside))
     }
 }

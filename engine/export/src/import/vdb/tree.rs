@@ -1,10 +1,10 @@
 //! A grid's tree: nodes of 32³, 16³, and leaves of 8³ voxels whose places in the file are known.
 
 use super::cursor::Cursor;
-use super::nodes::{Entry, InnerNode};
+use super::nodes::{InnerNode, NodeEntry};
 use super::values::{Unpacker, ValueCoding};
 use crate::error::Result;
-use crate::import::grid::{SampleBox, SampleSource};
+use crate::import::grid::{GridBox, SampleSource};
 use std::path::PathBuf;
 
 /// Bits of a voxel's place in a leaf, a node of 16³ and one of 32³, per axis.
@@ -23,7 +23,7 @@ pub(super) struct VdbTree {
     path: PathBuf,
     coding: ValueCoding,
     /// By place, in order: what the file has there.
-    roots: Vec<([i32; 3], Entry)>,
+    roots: Vec<([i32; 3], NodeEntry)>,
     uppers: Vec<InnerNode>,
     lowers: Vec<InnerNode>,
     /// Where leaves begin in the file.
@@ -86,12 +86,12 @@ impl VdbTree {
             if value != coding.background {
                 reached.add(place.map(i64::from), UPPER_BITS);
             }
-            tree.roots.push((place, Entry::Tile(value)));
+            tree.roots.push((place, NodeEntry::Tile(value)));
         }
         let mut unpacker = Unpacker::default();
         for _ in 0..children {
             let place = root_place(&mut cursor)?;
-            tree.roots.push((place, Entry::Child(tree.uppers.len())));
+            tree.roots.push((place, NodeEntry::Child(tree.uppers.len())));
             tree.read_upper(&mut cursor, place.map(i64::from), &mut unpacker, &mut reached)?;
         }
         tree.roots.sort_by_key(|(place, _)| *place);
@@ -120,7 +120,7 @@ impl VdbTree {
         let upper = InnerNode::read(cursor, mask_bytes, self.coding, self.lowers.len(), unpacker)?;
         for place in upper.reached(self.coding.background) {
             let at = sum(first, offset_of(place, LOWER_BITS, UPPER_BITS));
-            if let Entry::Tile(_) = upper.at(place) {
+            if let NodeEntry::Tile(_) = upper.at(place) {
                 reached.add(at, LOWER_BITS);
                 continue;
             }
@@ -161,19 +161,19 @@ impl VdbTree {
     }
 
     /// What a node of 32³ has where a voxel lies.
-    fn upper_entry(&self, voxel: [i64; 3]) -> Entry {
+    fn upper_entry(&self, voxel: [i64; 3]) -> NodeEntry {
         let place = voxel.map(|c| (c >> UPPER_BITS << UPPER_BITS) as i32);
         match self.roots.binary_search_by_key(&place, |(place, _)| *place).map(|n| self.roots[n].1) {
-            Err(_) => Entry::Tile(self.coding.background),
-            Ok(Entry::Child(n)) => self.uppers[n].at(place_of(voxel, LOWER_BITS, UPPER_BITS)),
+            Err(_) => NodeEntry::Tile(self.coding.background),
+            Ok(NodeEntry::Child(n)) => self.uppers[n].at(place_of(voxel, LOWER_BITS, UPPER_BITS)),
             Ok(tile) => tile,
         }
     }
 
     /// The leaf of a voxel, or its value.
-    fn lower_entry(&self, voxel: [i64; 3]) -> Entry {
+    fn lower_entry(&self, voxel: [i64; 3]) -> NodeEntry {
         match self.upper_entry(voxel) {
-            Entry::Child(n) => self.lowers[n].at(place_of(voxel, LEAF_BITS, LOWER_BITS)),
+            NodeEntry::Child(n) => self.lowers[n].at(place_of(voxel, LEAF_BITS, LOWER_BITS)),
             tile => tile,
         }
     }
@@ -194,7 +194,7 @@ fn root_place(cursor: &mut Cursor<'_>) -> Result<[i32; 3]> {
 }
 
 impl SampleSource for VdbTree {
-    fn read(&self, bytes: &[u8], [low, high]: SampleBox, out: &mut Vec<f64>) -> Result<()> {
+    fn read(&self, bytes: &[u8], [low, high]: GridBox, out: &mut Vec<f64>) -> Result<()> {
         let counts: [usize; 3] = std::array::from_fn(|a| high[a] - low[a]);
         out.resize(counts.iter().product(), self.coding.background);
         let [low, high] = [low, high].map(|corner| sum(self.range[0], corner.map(|c| c as i64)));
@@ -205,7 +205,7 @@ impl SampleSource for VdbTree {
                 for x in starts(0) {
                     let first = [x, y, z];
                     let entry = self.lower_entry(first);
-                    if let Entry::Child(n) = entry {
+                    if let NodeEntry::Child(n) = entry {
                         self.leaf(bytes, n, &mut unpacker, &mut leaf)?;
                     }
                     let range = |a: usize| first[a].max(low[a])..(first[a] + LEAF).min(high[a]);
@@ -215,8 +215,8 @@ impl SampleSource for VdbTree {
                                 let at = [i, j, k];
                                 let [i, j, k] = std::array::from_fn(|a| (at[a] - low[a]) as usize);
                                 out[(k * counts[1] + j) * counts[0] + i] = match entry {
-                                    Entry::Tile(value) => value,
-                                    Entry::Child(_) => leaf[place_of(at, 0, LEAF_BITS)],
+                                    NodeEntry::Tile(value) => value,
+                                    NodeEntry::Child(_) => leaf[place_of(at, 0, LEAF_BITS)],
                                 };
                             }
                         }
@@ -232,13 +232,13 @@ impl SampleSource for VdbTree {
     }
 
     /// A box of 40 along an axis meets two nodes of 16³ at most.
-    fn uniform(&self, [low, high]: SampleBox) -> Option<f64> {
+    fn uniform(&self, [low, high]: GridBox) -> Option<f64> {
         let corner = |n: usize| -> [i64; 3] {
             std::array::from_fn(|a| {
                 self.range[0][a] + if n >> a & 1 == 0 { low[a] } else { high[a] - 1 } as i64
             })
         };
-        let Entry::Tile(value) = self.upper_entry(corner(0)) else { return None };
-        (1..8).all(|n| self.upper_entry(corner(n)) == Entry::Tile(value)).then_some(value)
+        let NodeEntry::Tile(value) = self.upper_entry(corner(0)) else { return None };
+        (1..8).all(|n| self.upper_entry(corner(n)) == NodeEntry::Tile(value)).then_some(value)
     }
 }

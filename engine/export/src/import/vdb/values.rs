@@ -16,15 +16,15 @@ const ALL_VALUES: u8 = 6;
 
 /// The type of a grid's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Number {
+pub(super) struct VdbNumber {
     pub kind: SampleType,
     /// Active values have 16 bits.
     pub is_half: bool,
 }
 
-impl Number {
+impl VdbNumber {
     /// Of the name of a tree.
-    pub fn of_tree(name: &str) -> Option<Number> {
+    pub fn of_tree(name: &str) -> Option<VdbNumber> {
         let kind = match name.strip_suffix("_HalfFloat").unwrap_or(name) {
             "Tree_float_5_4_3" => SampleType::F32,
             "Tree_double_5_4_3" => SampleType::F64,
@@ -32,7 +32,7 @@ impl Number {
             "Tree_int64_5_4_3" => SampleType::I64,
             _ => return None,
         };
-        Some(Number { kind, is_half: name.ends_with("_HalfFloat") })
+        Some(VdbNumber { kind, is_half: name.ends_with("_HalfFloat") })
     }
 
     /// Bytes of an active value.
@@ -51,7 +51,7 @@ impl Number {
 /// How the values of a grid are written.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ValueCoding {
-    pub number: Number,
+    pub number: VdbNumber,
     pub compression: u32,
     pub background: f64,
 }
