@@ -51,6 +51,7 @@ struct Listed {
     pass: u32,
     a: Units,
     body: Body,
+    bounds: (Units, Units),
 }
 
 impl<'a> FaceBeads<'a> {
@@ -90,12 +91,14 @@ impl<'a> FaceBeads<'a> {
             if last.as_ref().is_none_or(|(key, _)| *key != leaf) {
                 let listed = |s: &BeadSegment| {
                     let segment = Segment { a: s.a, b: s.b, profile: s.section, pass: s.pass };
-                    Listed { pass: s.pass, a: s.a, body: self.solids.body(&segment) }
+                    let (body, bounds) = (self.solids.body(&segment), self.solids.bounds(&segment));
+                    Listed { pass: s.pass, a: s.a, body, bounds }
                 };
                 last = Some((leaf, self.store.segments(leaf, &self.tables)?.iter().map(listed).collect()));
             }
             let least = -CELLS_AWAY * f64::from(1u32 << leaf.spacing_bits());
             let segments = last.iter().flat_map(|(_, segments)| segments);
+            let segments = segments.filter(|listed| listed.is_near(units, -least));
             let depths = segments.filter_map(|listed| Some((listed.depth(units)?, listed.pass)));
             // Of the union's surface it is the bead that reaches farthest out; of equals the one that was laid first.
             let best = depths.filter(|(depth, _)| *depth >= least).reduce(|best, next| {
@@ -122,6 +125,12 @@ impl<'a> FaceBeads<'a> {
 }
 
 impl Listed {
+    /// Whether a position lies in the box around the solid, or no farther from it than that.
+    fn is_near(&self, units: [f64; 3], most: f64) -> bool {
+        let (low, high) = self.bounds;
+        (0..3).all(|a| (f64::from(low[a]) - most..=f64::from(high[a]) + most).contains(&units[a]))
+    }
+
     /// How far inside the solid a position lies along the lattice's axes, less than 0 outside; nothing where all three lines
     /// through it miss the solid.
     fn depth(&self, units: [f64; 3]) -> Option<f64> {
