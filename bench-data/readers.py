@@ -29,6 +29,11 @@ PYPI = [
     "SimpleITK==2.5.7",
     "tifffile==2026.3.3",
     "pyvista==0.49.1",
+    "trimesh==5.2.0",
+    "meshio==5.3.5",
+    "lib3mf==2.5.0",
+    "lxml==6.1.3",
+    "networkx==3.6.1",
 ]
 OLD_VTK = ["numpy==1.26.4", "vtk==9.2.6"]
 DEBIAN = ["libopenvdb-tools", "python3-openvdb", "python3-numpy"]
@@ -125,6 +130,82 @@ for x, y, z in I:
 """
 
 
+# Who writes volumes for `build`: each gets W (the file) and N (values, 0 to 3, indexed z, y, x).
+WRITERS = [
+    (
+        "pyopenvdb, blosc",
+        "vdb",
+        "system",
+        "import pyopenvdb as vdb; g = vdb.FloatGrid(0); g.copyFromArray(np.ascontiguousarray(N.astype('f4').transpose(2, 1, 0))); "
+        "g.gridClass = 'fog volume'; g.prune(); vdb.write(W, g)",
+    ),
+    (
+        "pyopenvdb, halves",
+        "vdb",
+        "system",
+        "import pyopenvdb as vdb; g = vdb.FloatGrid(0); g.copyFromArray(np.ascontiguousarray(N.astype('f4').transpose(2, 1, 0))); "
+        "g.saveFloatAsHalf = True; vdb.write(W, [g])",
+    ),
+    *(
+        (
+            f"vtk, {name}",
+            "vti",
+            "env",
+            "import vtk; from vtk.util.numpy_support import numpy_to_vtk; o = vtk.vtkImageData(); "
+            "o.SetDimensions(N.shape[::-1]); a = numpy_to_vtk(N.astype(" + repr(kind) + ").ravel()); a.SetName('n'); "
+            "o.GetPointData().SetScalars(a); w = vtk.vtkXMLImageDataWriter(); w.SetFileName(W); w.SetInputData(o); "
+            + more
+            + "; w.Write()",
+        )
+        for name, kind, more in [
+            ("zlib, raw", "f4", "w.SetDataModeToAppended(); w.EncodeAppendedDataOff()"),
+            ("zlib, base64", "i2", "w.SetDataModeToAppended(); w.EncodeAppendedDataOn()"),
+            ("inline", "f8", "w.SetDataModeToBinary(); w.SetCompressorTypeToNone()"),
+            ("raw", "u1", "w.SetDataModeToAppended(); w.EncodeAppendedDataOff(); w.SetCompressorTypeToNone()"),
+            ("text", "i8", "w.SetDataModeToAscii()"),
+        ]
+    ),
+    (
+        "SimpleITK, zlib",
+        "mha",
+        "env",
+        "import SimpleITK as s; s.WriteImage(s.GetImageFromArray(N.astype('i2')), W, useCompression=True)",
+    ),
+]
+
+# Who opens meshes: each gets W, and leaves V: how many vertices and triangles it counts, and the volume.
+SOLIDS = """
+def solid(p, t):
+    import numpy as np
+    p, t = np.asarray(p, float), np.asarray(t)
+    p = p - p.mean(0)
+    return [len(p), len(t), float(np.einsum('ij,ij->i', p[t[:, 0]], np.cross(p[t[:, 1]], p[t[:, 2]])).sum() / 6)]
+"""
+MESH_READERS = [
+    *(
+        ("trimesh", name, "import trimesh; m = trimesh.load(W, process=False, force='mesh'); V = solid(m.vertices, m.faces)")
+        for name in ("a.ply", "a.obj", "a.glb", "double.ply", "double.obj", "beads.ply")
+    ),
+    *(
+        ("meshio", name, "import meshio; m = meshio.read(W); V = solid(m.points, m.cells_dict['triangle'])")
+        for name in ("a.ply", "a.obj", "double.ply", "double.obj")  # It cannot read numbers of faces.
+    ),
+    (
+        "vtk",
+        "a.ply",
+        "import vtk; from vtk.util.numpy_support import vtk_to_numpy as n; r = vtk.vtkPLYReader(); r.SetFileName(W); "
+        "r.Update(); o = r.GetOutput(); V = solid(n(o.GetPoints().GetData()), n(o.GetPolys().GetConnectivityArray()).reshape(-1, 3))",
+    ),
+    (
+        "lib3mf",
+        "a.3mf",
+        "import lib3mf; from lib3mf import get_wrapper; model = get_wrapper().CreateModel(); "
+        "model.QueryReader('3mf').ReadFromFile(W); i = model.GetMeshObjects(); i.MoveNext(); o = i.GetCurrentMeshObject(); "
+        "V = solid([list(v.Coordinates) for v in o.GetVertices()], [list(t.Indices) for t in o.GetTriangleIndices()])",
+    ),
+]
+
+
 def run(*command, **more):
     return subprocess.run([str(c) for c in command], check=True, capture_output=True, text=True, **more).stdout
 
@@ -212,6 +293,73 @@ def compare(program, store, folder, pythons):
     return agreed
 
 
+def written(program, folder, pythons):
+    """A line for each writer of volumes; returns whether all samples come back."""
+    chance, axis, agreed = random.Random(2), (41, 37, 50), True
+    blobs = [([chance.uniform(5, n - 5) for n in axis], chance.uniform(3, 9)) for _ in range(9)]
+    values = [
+        min(3, sum(sum((c - m) ** 2 for c, m in zip((x, y, z), middle)) < r * r for middle, r in blobs))
+        for z in range(axis[2])
+        for y in range(axis[1])
+        for x in range(axis[0])
+    ]
+    # An empty border, so that nothing is cut.
+    inside = lambda n: all(0 < c < m - 1 for c, m in zip((n % 41, n // 41 % 37, n // 41 // 37), axis))
+    values = [v if inside(n) else 0 for n, v in enumerate(values)]
+    (folder / "numbers.json").write_text(json.dumps(values))
+    for name, ending, where, code in WRITERS:
+        python, reason = pythons[where]
+        if python is None:
+            print(f"{name:22} .{ending:7} NOT HERE: {reason}")
+            continue
+        path, store = folder / f"n.{ending}", folder / "n.brf"
+        script = (
+            f"import json, numpy as np\nW = {str(path)!r}\n"
+            f"N = np.array(json.load(open({str(folder / 'numbers.json')!r}))).reshape(50, 37, 41)\n{code}\n"
+        )
+        try:
+            subprocess.run([str(python), "-c", script], check=True, capture_output=True, text=True)
+        except subprocess.CalledProcessError as error:
+            print(f"{name:22} .{ending:7} NOT HERE: {error.stderr.strip().splitlines()[-1]}")
+            continue
+        run(program, "build", path, "-o", store, "--quiet")
+        chosen = [n for n, v in enumerate(values) if v > 0]
+        chosen += [chance.randrange(len(values)) for _ in range(POINTS)]
+        points = "".join(f"{n % 41},{n // 41 % 37},{n // 41 // 37}\n" for n in chosen)
+        answer = run(program, "sample", store, "--points", "-", input="x,y,z\n" + points).splitlines()[1:]
+        wrong = sum(float(line.rsplit(",", 1)[1]) != values[n] for line, n in zip(answer, chosen))
+        agreed &= wrong == 0 and len(answer) == len(chosen)
+        print(f"{name:22} .{ending:7} written, built: {len(answer)} samples, {wrong} differ; {path.stat().st_size:,} bytes")
+        path.unlink()
+        store.unlink()
+    return agreed
+
+
+def meshes(program, folder, python):
+    """A line for each reader of meshes; returns whether all count and measure what `mesh` tells."""
+    store, agreed, told = folder / "beads.brf", True, {}
+    run(program, "build", HERE / "clover.gcode", "-o", store, "--depth", "2", "--identity", "--quiet")
+    more = {"double": ["--double"], "beads": ["--attributes", "bead,layer,feature"]}
+    for name in {name for _, name, _ in MESH_READERS}:
+        options = more.get(name.split(".")[0], [])
+        told[name] = json.loads(run(program, "mesh", store, "-o", folder / name, "--json", *options))
+    for reader, name, code in MESH_READERS:
+        script = f"import json\nW = {str(folder / name)!r}\n{SOLIDS}\n{code}\nprint(json.dumps(V))\n"
+        try:
+            vertices, triangles, volume = json.loads(run(python, "-c", script).splitlines()[-1])
+        except subprocess.CalledProcessError as error:
+            print(f"{reader:22} {name:12} {error.stderr.strip().splitlines()[-1]}")
+            agreed = False
+            continue
+        wanted = told[name]
+        scale = 1e9 if name.endswith("glb") else 1.0
+        off = abs(volume * scale / wanted["volume"] - 1)
+        is_same = (vertices, triangles) == (wanted["vertices"], wanted["triangles"]) and off < 1e-6
+        agreed &= is_same
+        print(f"{reader:22} {name:12} {vertices:,} vertices, {triangles:,} triangles, volume off by {off:.1e}: {'same' if is_same else 'DIFFERS'}")
+    return agreed
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", type=Path, required=True)
@@ -233,7 +381,11 @@ def main():
             "old": environment(folder / "old", OLD_VTK),
             "system": (system, "no python3 of the system"),
         }
-        return 0 if compare(args.program, store, folder, pythons) else 1
+        agreed = compare(args.program, store, folder, pythons)
+        agreed &= written(args.program, folder, pythons)
+        if pythons["env"][0] is not None:
+            agreed &= meshes(args.program, folder, pythons["env"][0])
+        return 0 if agreed else 1
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ mod program {
     mod layers;
     mod machine;
     mod mesh;
+    mod mesh_places;
     mod open;
     mod orient;
     mod overlays;

@@ -227,3 +227,37 @@ fn an_interrupted_build_of_a_cloud_leaves_nothing() {
     assert!(line.contains("interrupted"), "{line}");
     assert_eq!(dir.names(), ["scan.ply"]);
 }
+
+#[test]
+fn clouds_of_the_point_cloud_library_are_built() {
+    let dir = Scratch::new();
+    let count = 1500;
+    let point = |n: i32| {
+        let z = 1.0 - 2.0 * (f64::from(n) + 0.5) / f64::from(count);
+        let (r, angle) = ((1.0 - z * z).sqrt(), f64::from(n) * 2.399_963);
+        [r * angle.cos(), r * angle.sin(), z]
+    };
+    let head = |data: &str| {
+        format!(
+            "VERSION 0.7\nFIELDS x y z normal_x normal_y normal_z\nSIZE 8 8 8 8 8 8\nTYPE F F F F F F\nCOUNT 1 1 1 1 1 1\n\
+             WIDTH {count}\nHEIGHT 1\nPOINTS {count}\nDATA {data}\n"
+        )
+    };
+    let rows: String = (0..count)
+        .map(|n| {
+            let [x, y, z] = point(n);
+            format!("{x} {y} {z} {x} {y} {z}\n")
+        })
+        .collect();
+    let bytes = (0..count).flat_map(|n| [point(n), point(n)].concat()).flat_map(f64::to_le_bytes);
+    let text = dir.file("text.pcd", head("ascii") + &rows);
+    let binary = dir.file("b.pcd", head("binary").into_bytes().into_iter().chain(bytes).collect::<Vec<u8>>());
+    assert!(run(&[&"info", &text]).ok().contains("PCD points, 1500 points"));
+    let volume = |input: &std::path::Path| {
+        let store = dir.path("p.brf");
+        run(&[&"build", &input, &"-o", &store, &"--depth", &"1", &"-q"]).ok();
+        run(&[&"mesh", &store, &"-o", &dir.path("m.stl"), &"--json"]).json()["volume"].as_f64().unwrap()
+    };
+    let (one, other) = (volume(&text), volume(&binary));
+    assert!(one == other && (one - 4.19).abs() < 0.15, "{one} {other}");
+}

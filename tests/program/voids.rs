@@ -169,6 +169,13 @@ fn voids_are_written_as_meshes_and_labels() {
     run(&[&"voids", &part, &"-o", &out, &"--mesh", &obj, &"-q"]).ok();
     let text = std::fs::read_to_string(&obj).unwrap();
     assert_eq!(text.lines().filter(|line| line.starts_with("g void_")).count(), 2);
+    let three_mf = dir.path("v.3mf");
+    run(&[&"voids", &part, &"-o", &out, &"--mesh", &three_mf, &"-q"]).ok();
+    run(&[&"mesh", &three_mf, &"--check", &"-q"]).ok();
+    let told = run(&[&"info", &three_mf, &"--json"]).json();
+    let names: Vec<&str> =
+        told["objects"].as_array().unwrap().iter().filter_map(|o| o["name"].as_str()).collect();
+    assert_eq!(names, ["void 1", "void 2"], "{told}");
     run(&[&"voids", &part, &"-o", &out, &"--mesh", &dir.path("v.stl")]).misused();
     run(&[&"voids", &part, &"-o", &out, &"--labels", &dir.path("v.csv")]).misused();
     let bad = run(&[&"voids", &part, &"-o", &out, &"--mesh", &dir.path("no/v.ply"), &"-q"]).failed();

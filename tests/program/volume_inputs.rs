@@ -44,7 +44,7 @@ fn samples_come_back_from_arrays_images_and_raw_files() {
         let store = dir.store(name, 1);
         let truth = dir.path("truth.npy");
         run(&[&"export", &store, &"-o", &truth]).ok();
-        for ending in ["npy", "mha", "mhd", "raw"] {
+        for ending in ["npy", "mha", "mhd", "raw", "vti", "vdb"] {
             let (volume, back) = (dir.path(&format!("v.{ending}")), dir.path("back.brf"));
             run(&[&"export", &store, &"-o", &volume]).ok();
             run(&[&"build", &volume, &"-o", &back, &"-q"]).ok();
@@ -182,7 +182,94 @@ fn what_cannot_be_read_is_told_in_one_line() {
     told(&dir.file("lonely.npy", &bytes), "lonely.json is not there");
     told(&dir.file("m.mha", "ObjectType = Image\nNDims = 3\n"), "ElementDataFile");
     let head = "DimSize = 9 9 9\nElementType = MET_FLOAT\nCompressedData = True\nElementDataFile = LOCAL\n";
-    told(&dir.file("z.mha", head), "without compression");
+    told(&dir.file("z.mha", head.to_owned() + "packed"), "cannot be unpacked");
     told(&dir.file("w.mha", head.replace("True", "False")), "bytes of samples");
+    told(&dir.file("v.vdb", "a volume"), "is no OpenVDB file");
+    told(&dir.file("i.vti", "<VTKFile type=\"UnstructuredGrid\"/>"), "is no image data");
+    let grids = of_others("grids.vdb");
+    assert!(build(&grids, &["--field", "vectors"]).failed().contains("Tree_vec3s_5_4_3"));
+    assert!(build(&good, &["--field", "w"]).failed().contains("holds one volume"));
+    assert!(run(&[&"build", &stl, &"-o", &out, &"--field", &"w"]).misused().contains("--field"));
     assert!(!out.exists() && !dir.path("o.brf.part").exists());
+}
+
+/// A volume that another program wrote.
+fn of_others(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/volumes").join(name)
+}
+
+#[test]
+fn level_sets_and_fog_of_openvdb_are_built() {
+    let dir = Scratch::new();
+    let (grids, part) = (of_others("grids.vdb"), dir.path("p.brf"));
+    let told = run(&[&"info", &grids]).ok();
+    assert!(told.contains("ball: float, level set") && told.contains("vectors: vec3s"), "{told}");
+    let built = run(&[&"build", &grids, &"-o", &part]).ok();
+    assert!(built.contains("ball: float, level set"), "{built}");
+    run(&[&"verify", &part, &"-q"]).ok();
+    let (found, cell) = crossings(&part);
+    assert!(cell == 0.5 && found.len() > 200);
+    for (at, normal) in found {
+        let away = [at[0] - 1.0, at[1] - 2.0, at[2] - 3.0];
+        // A line between samples of a ball's distances.
+        assert!((length(away) - 2.0).abs() < 0.02, "{at:?}");
+        assert!((0..3).map(|a| away[a] * normal[a]).sum::<f64>() / length(away) > 0.995);
+    }
+    // A box of 18 × 9 × 26 voxels of half a unit that begins at [3, 4, 5], half way to what lies outside.
+    let built = run(&[&"build", &grids, &"-o", &part, &"--field", &"fog"]);
+    assert!(built.status == Some(0) && built.stderr.is_empty(), "{}", built.stderr);
+    for (at, _) in crossings(&part).0 {
+        let steps: [f64; 3] = std::array::from_fn(|a| (at[a] - [1.0, 2.0, 3.0][a]) / 0.5);
+        let off = |a: usize| {
+            let [low, high] = [[2.5, 3.5, 4.5][a], [20.5, 12.5, 30.5][a]];
+            (steps[a] - low).abs().min((steps[a] - high).abs())
+        };
+        assert!((0..3).any(|a| off(a) < 1e-4), "{steps:?}");
+    }
+}
+
+#[test]
+fn distances_come_back_from_level_sets() {
+    let dir = Scratch::new();
+    let store = dir.store("box_with_cavity", 1);
+    let (back, again) = (dir.path("back.brf"), dir.path("again.brf"));
+    let distances = |ending: &str, to: &PathBuf| {
+        let volume = dir.path(&format!("d.{ending}"));
+        run(&[&"export", &store, &"--as", &"sdf", &"-o", &volume]).ok();
+        let how: &[&str] = if ending == "vti" { &["--volume-as", "sdf"] } else { &[] };
+        let mut args: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"build", &volume, &"-o", to, &"-q"];
+        args.extend(how.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
+        run(&args).ok();
+        let mut found = crossings(to).0;
+        found.sort_by(|a, b| a.partial_cmp(b).expect("numbers"));
+        found
+    };
+    let truth = distances("npy", &back);
+    assert!(truth.len() > 500);
+    assert!(truth == distances("vdb", &again));
+    assert!(truth == distances("vti", &again));
+}
+
+#[test]
+fn packed_images_are_unpacked_within_a_folder_and_leave_nothing() {
+    let dir = Scratch::new();
+    for name in ["packed.mha", "packed.mhd", "inline_zlib.vti", "cells.vti", "ascii.vti"] {
+        let part = dir.path("p.brf");
+        let built = run(&[
+            &"build",
+            &of_others(name),
+            &"-o",
+            &part,
+            &"--threshold",
+            &"3",
+            &"--temp-dir",
+            &dir.path(""),
+        ]);
+        assert_eq!(built.status, Some(0), "{}", built.stderr);
+        assert!(built.stdout.contains("7 × 5 × 4 samples of"), "{}", built.stdout);
+        assert_eq!(built.stdout.contains("those of cells"), name == "cells.vti", "{}", built.stdout);
+        run(&[&"verify", &part, &"-q"]).ok();
+        assert_eq!(std::fs::read_dir(dir.path("")).unwrap().count(), 1);
+        std::fs::remove_file(part).unwrap();
+    }
 }

@@ -17,6 +17,9 @@ use crate::view_args::WindowArgs;
 use crate::void_args::VoidsArgs;
 use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::brick::Count;
+use brickfield_engine::contour::listed_mesh_endings;
+use brickfield_engine::import::endings as volume_endings;
+use brickfield_engine::ingest::mesh_endings;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -91,9 +94,7 @@ Examples:
   brickfield build scan.mha -o scan.brf --threshold 32000
   brickfield build part.stl -o part-2.brf --shard 2/4; brickfield cache merge part-?.brf -o part.brf")]
 pub struct BuildArgs {
-    /// Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: STL, OBJ, PLY, OFF, 3MF, AMF, GLB, X3D Extrusions.
-    /// Or point clouds: PLY, XYZ; or one volume: .npy, .mha, .mhd, .raw
-    #[arg(required = true, value_name = "INPUT")]
+    #[arg(required = true, value_name = "INPUT", help = inputs_of_build())]
     pub inputs: Vec<PathBuf>,
     /// The store to write
     #[arg(long, short, value_name = "PART.brf")]
@@ -108,6 +109,9 @@ pub struct BuildArgs {
     /// Take what has this value and more for solid in a volume, as grey values of computed tomography
     #[arg(long, value_name = "VALUE", conflicts_with = "volume_as", allow_hyphen_values = true)]
     pub threshold: Option<f64>,
+    /// Which grid or array of a volume with several is read, by its name (`info` lists them) [default: the first of numbers]
+    #[arg(long, value_name = "NAME")]
+    pub field: Option<String>,
     /// What w counts of beads as solids. The union of all does not depend on it [default: passes]
     #[arg(long, value_enum)]
     pub count: Option<CountArg>,
@@ -210,8 +214,7 @@ pub struct BuildArgs {
     /// Begin anew, whatever an unfinished store of that name holds
     #[arg(long)]
     pub restart: bool,
-    /// Also write the boundary mesh, w = 0.5, as .stl, .ply, .obj, .3mf or .glb
-    #[arg(long, value_name = "OUT")]
+    #[arg(long, value_name = "OUT", help = format!("Also write the boundary mesh, w = 0.5, as {}", listed_mesh_endings(" or ")))]
     pub mesh: Option<PathBuf>,
     /// Print the summary as JSON
     #[arg(long)]
@@ -549,6 +552,18 @@ pub struct VerifyArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// What `build` takes, by the tables of formats.
+fn inputs_of_build() -> String {
+    let meshes: Vec<String> = mesh_endings().map(str::to_uppercase).collect();
+    let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
+    format!(
+        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, PCD, XYZ; or \
+         one volume: {}",
+        meshes.join(", "),
+        volumes.join(", ")
+    )
 }
 
 #[cfg(test)]

@@ -4,7 +4,9 @@ use crate::failure::Failure;
 use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::bsp::MAGIC;
-use brickfield_engine::ingest::InputKind;
+use brickfield_engine::contour::{listed_mesh_endings, written_mesh_endings};
+use brickfield_engine::export::FORMATS;
+use brickfield_engine::ingest::{InputKind, mesh_endings, readable};
 use brickfield_engine::store::is_store;
 use std::fs::File;
 use std::io::Read;
@@ -57,11 +59,8 @@ impl FileKind {
 /// Whether the name is that of a mesh whose triangles are read, there or not.
 pub fn is_mesh_name(path: &Path) -> bool {
     let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
-    ending.is_some_and(|ending| ["stl", "obj", "ply", "off", "3mf", "amf", "glb"].contains(&ending.as_str()))
+    ending.is_some_and(|ending| mesh_endings().any(|known| known == ending))
 }
-
-/// What to do with a file of which there is nothing more to say.
-const GIVE_AN_INPUT: &str = "give a mesh as STL, OBJ, PLY, OFF, 3MF, AMF or GLB, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
 
 /// Whether a file begins as those of splats do.
 fn is_splats(path: &Path) -> bool {
@@ -135,22 +134,48 @@ pub fn require_toolpaths(paths: &[PathBuf]) -> Result<(), anyhow::Error> {
     Ok(())
 }
 
-/// Endings of files that other programs read, and what writes them, if anything here does.
-const OTHER_ENDINGS: [(&[&str], Option<&str>); 7] = [
-    (&["stl", "ply", "obj", "3mf", "glb"], None),
-    (&["gltf", "off", "amf", "step", "stp", "iges", "igs"], None),
-    (&["x3d"], Some("beads")),
+/// Endings of files that other programs read or write and that are in no table of the library.
+const OTHER_ENDINGS: [(&[&str], StoreNameUse); 5] = [
+    (&["gltf", "step", "stp", "iges", "igs"], StoreNameUse::Mesh),
+    (&["x3d"], StoreNameUse::WrittenBy("beads")),
     (
         &[
             "gcode", "gco", "g", "nc", "ngc", "cnc", "mpf", "tap", "gz", "xz", "xyz", "pts", "asc", "csv",
             "txt",
         ],
-        None,
+        StoreNameUse::Read,
     ),
-    (&["npy", "json"], Some("export")),
-    (&["png", "svg", "dxf"], Some("slice")),
-    (&["bsp", "html"], Some("splats")),
+    (&["png", "svg", "dxf"], StoreNameUse::WrittenBy("slice")),
+    (&["bsp", "html"], StoreNameUse::WrittenBy("splats")),
 ];
+
+/// What a name that is not a store's is for.
+#[derive(Clone, Copy)]
+enum StoreNameUse {
+    /// A mesh that `mesh` writes.
+    WrittenMesh,
+    /// A part in a format that is not written.
+    Mesh,
+    /// What a command writes.
+    WrittenBy(&'static str),
+    /// An input.
+    Read,
+}
+
+impl StoreNameUse {
+    fn of(ending: &str) -> Option<StoreNameUse> {
+        if written_mesh_endings().any(|known| known == ending) {
+            return Some(StoreNameUse::WrittenMesh);
+        }
+        if mesh_endings().any(|known| known == ending) {
+            return Some(StoreNameUse::Mesh);
+        }
+        if ending == "json" || FORMATS.iter().any(|format| format.ending() == ending) {
+            return Some(StoreNameUse::WrittenBy("export"));
+        }
+        OTHER_ENDINGS.iter().find(|(all, _)| all.contains(&ending)).map(|(_, found)| *found)
+    }
+}
 
 /// Refuses a name for a store whose ending is that of a file of another kind: what would stand under it is none.
 ///
@@ -158,18 +183,21 @@ const OTHER_ENDINGS: [(&[&str], Option<&str>); 7] = [
 /// Wrong usage, with the command or the option that writes such a file.
 pub fn require_store_name(path: &Path, has_mesh_option: bool) -> Result<(), Failure> {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-    let found = |ending: &str| OTHER_ENDINGS.iter().position(|(all, _)| all.contains(&ending));
-    let Some(place) = ending.as_deref().and_then(found) else { return Ok(()) };
+    let Some(found) = ending.as_deref().and_then(StoreNameUse::of) else { return Ok(()) };
     let store = typed(&path.with_extension("brf"));
     let by_option = if has_mesh_option { format!("`--mesh {}`, or ", typed(path)) } else { String::new() };
-    let remedy = match (place, OTHER_ENDINGS[place].1) {
-        (0, _) => format!(
+    let remedy = match found {
+        StoreNameUse::WrittenMesh => format!(
             "and of the store the mesh is written by {by_option}`brickfield mesh {store} -o {}`",
             typed(path)
         ),
-        (1, _) => format!("and `brickfield mesh {store}` writes meshes as .stl, .ply, .obj, .3mf or .glb"),
-        (_, Some(command)) => format!("files of that ending are written by `brickfield {command}`"),
-        (_, None) => "files of that ending are read only".to_owned(),
+        StoreNameUse::Mesh => {
+            format!("and `brickfield mesh {store}` writes meshes as {}", listed_mesh_endings(" or "))
+        }
+        StoreNameUse::WrittenBy(command) => {
+            format!("files of that ending are written by `brickfield {command}`")
+        }
+        StoreNameUse::Read => "files of that ending are read only".to_owned(),
     };
     let what =
         format!("this writes a brick store, not .{}; use `-o {store}`, {remedy}", ending.unwrap_or_default());
@@ -179,14 +207,18 @@ pub fn require_store_name(path: &Path, has_mesh_option: bool) -> Result<(), Fail
 /// The error of a file that no command takes.
 pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
     let (name, remedy) = match kind {
-        FileKind::Input(InputKind::Empty) => ("is empty".to_owned(), "export or copy the file again"),
+        FileKind::Input(InputKind::Empty) => {
+            ("is empty".to_owned(), "export or copy the file again".to_owned())
+        }
         _ => match kind.name() {
-            Some(name) => (format!("is {name}, which is not read"), GIVE_AN_INPUT),
-            None => ("is of no kind that is known".to_owned(), GIVE_AN_INPUT),
+            Some(name) => (format!("is {name}, which is not read"), readable()),
+            None => ("is of no kind that is known".to_owned(), readable()),
         },
     };
-    let model =
-        if name.contains("CAD model") { "export the part as a mesh: STL, OBJ or PLY" } else { remedy };
+    let model = match name.contains("CAD model") {
+        true => "export the part as a mesh: STL, OBJ or PLY".to_owned(),
+        false => remedy,
+    };
     anyhow!("{}: {name}; {model}", path.display())
 }
 

@@ -3,8 +3,10 @@
 use crate::args::{IoArg, MethodArg};
 use crate::units::{Length, Size, Tolerance};
 use crate::work::WorkArgs;
+use brickfield_engine::analysis::BeadAttribute;
+use brickfield_engine::contour::listed_mesh_endings;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{ArgAction, Args};
+use clap::{ArgAction, Args, ValueEnum};
 use std::path::PathBuf;
 
 /// Write a mesh of the surface where the winding number passes a value, or check a mesh
@@ -28,8 +30,8 @@ pub struct MeshArgs {
     /// The store; with --check and without -o the mesh to check: STL, OBJ, PLY
     #[arg(value_name = "PART.brf|MESH")]
     pub file: PathBuf,
-    /// The mesh to write; its ending decides the format: .stl (binary), .ply (binary), .obj, .3mf, .glb
-    #[arg(long, short, value_name = "OUT", required_unless_present = "check")]
+    #[arg(long, short, value_name = "OUT", required_unless_present = "check",
+        help = format!("The mesh to write; its ending decides the format: {}", listed_mesh_endings(", ")))]
     pub output: Option<PathBuf>,
     /// Check the mesh that was written, or without -o the one that is given
     #[arg(long)]
@@ -93,12 +95,23 @@ pub struct MeshArgs {
     /// It takes a tenth to a third more time, of beads a third to three quarters, and with a tolerance up to twice as long.
     #[arg(long, requires = "output", conflicts_with = "method")]
     pub follow_creases: bool,
-    /// Give every vertex its normal, in .ply, .obj and .glb: the mean of those of the surface at the lattice edges around it
+    /// Give every vertex its normal, where the format has them: the mean of those of the surface at the lattice edges around it
     ///
     /// At a sharp edge of the part it is one between both sides. Viewers shade smoothly by normals; they show a .glb without
     /// them flat, facet by facet.
     #[arg(long, requires = "output")]
     pub normals: bool,
+    /// Write coordinates with 64 bits, in .ply and .obj; so they are by themselves where 32 bits would round them by more than a
+    /// 256th of a cell
+    #[arg(long, requires = "output", conflicts_with_all = ["normals", "detail", "triangles", "max_size"])]
+    pub double: bool,
+    /// Give every triangle of a .ply numbers of the bead that it lies on, as in bead,layer,feature
+    ///
+    /// Beads are numbered from 0 as in `overlap`, layers from 1, and features as in the list in the file's comments; -1 is none.
+    /// The store must tell beads apart (`build --identity`).
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", requires = "output",
+        conflicts_with_all = ["normals", "detail", "triangles", "max_size"])]
+    pub attributes: Vec<AttributeArg>,
     /// Memory to stay within, as in 512MiB, maps of files not counted
     ///
     /// 160 MiB with two threads, 40 MiB more for each further one, and 50 bytes a node are used in any case. The mesh itself
@@ -118,4 +131,25 @@ pub struct MeshArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// What is told of the bead that a triangle lies on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum AttributeArg {
+    /// Number of the bead.
+    Bead,
+    /// Its layer.
+    Layer,
+    /// Its feature, as a number.
+    Feature,
+}
+
+impl From<AttributeArg> for BeadAttribute {
+    fn from(attribute: AttributeArg) -> BeadAttribute {
+        match attribute {
+            AttributeArg::Bead => BeadAttribute::Bead,
+            AttributeArg::Layer => BeadAttribute::Layer,
+            AttributeArg::Feature => BeadAttribute::Feature,
+        }
+    }
 }

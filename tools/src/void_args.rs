@@ -68,8 +68,9 @@ pub struct VoidsArgs {
     /// List voids, too, that open to the outside only through throats narrower than this, as in 0.8mm
     #[arg(long, value_name = "LEN")]
     pub closing: Option<Length>,
-    /// Also write the voids as meshes, largest first: .ply, whose faces have the property void, or .obj, a group each
-    #[arg(long = "mesh", value_name = "OUT.ply|.obj")]
+    /// Also write the voids as meshes, largest first: .ply, whose faces have the property void, .obj, a group each, or
+    /// .3mf, an object each in the colour of its class
+    #[arg(long = "mesh", value_name = "OUT.ply|.obj|.3mf")]
     pub mesh: Option<PathBuf>,
     /// Also write the number of the void at each sample of the deepest level, 0 at all others: an array (z, y, x) of
     /// 32-bit integers, with a description beside it. Voids that open through a throat are left out

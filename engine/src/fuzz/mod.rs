@@ -11,7 +11,7 @@ mod tests;
 pub type Target = fn(&[u8]);
 
 /// All readers. The small files to begin with are in `fuzz/seeds/NAME`.
-pub const TARGETS: [(&str, Target); 15] = [
+pub const TARGETS: [(&str, Target); 16] = [
     ("stl", crate::ingest::fuzz::stl),
     ("obj", crate::ingest::fuzz::obj),
     ("ply", crate::ingest::fuzz::ply),
@@ -27,6 +27,7 @@ pub const TARGETS: [(&str, Target); 15] = [
     ("journal", crate::store::fuzz::journal),
     ("brick", crate::store::fuzz::brick),
     ("bsp", crate::splats::fuzz::bsp),
+    ("volume", crate::import::fuzz::volume),
 ];
 
 /// Feeds the reader of that name.

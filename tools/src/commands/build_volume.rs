@@ -21,6 +21,7 @@ pub(super) fn volume_of(args: &BuildArgs) -> Result<Option<&Path>, Failure> {
     let Some(volume) = args.inputs.iter().find(|path| is_volume(path)) else {
         let given = if args.threshold.is_some() { Some("--threshold") } else { None };
         let given = given.or(args.volume_as.map(|_| "--volume-as"));
+        let given = given.or(args.field.as_ref().map(|_| "--field"));
         return match given {
             Some(option) => Err(Failure::Usage(format!("{option}: it is for volumes; leave it out"))),
             None => Ok(None),
@@ -69,7 +70,7 @@ pub(super) fn run(args: &BuildArgs, input: &Path) -> Result<(), Failure> {
     require_distinct(&[&args.output], &[input])?;
     let work = WorkArgs { threads: args.threads, quiet: args.quiet, progress: args.progress };
     let bars = start(work)?;
-    let grid = Grid::open(input)?;
+    let mut grid = Grid::open(input, args.field.as_deref())?;
     check_target(&args.output)?;
     let reading = match (args.threshold, args.volume_as) {
         (Some(least), _) => Some(Reading::Threshold(least)),
@@ -79,17 +80,18 @@ pub(super) fn run(args: &BuildArgs, input: &Path) -> Result<(), Failure> {
         (None, None) => None,
     };
     let unit = match args.unit {
-        Some(unit) => unit.symbol(),
-        None => grid.unit().unwrap_or(Unit::Mm.symbol()),
+        Some(unit) => unit.symbol().to_owned(),
+        None => grid.unit().unwrap_or(Unit::Mm.symbol()).to_owned(),
     };
     let program = concat!("brickfield ", env!("CARGO_PKG_VERSION"));
-    let built = build_volume(&grid, (input, &args.output), reading, (unit, program), &bars)?;
+    let temp_dir = args.temp_dir.as_deref();
+    let built = build_volume(&mut grid, (input, &args.output), reading, (&unit, program), temp_dir, &bars)?;
     bars.clear();
     if built.is_cut {
         let what = "what is solid ends at the border of the volume, and was closed there";
         warn(&format!("{}: {what}", in_line(input)));
     }
-    tell(args, &grid, unit, &built)
+    tell(args, &grid, &unit, &built)
 }
 
 fn tell(args: &BuildArgs, grid: &Grid, unit: &str, built: &VolumeSummary) -> Result<(), Failure> {
@@ -99,6 +101,8 @@ fn tell(args: &BuildArgs, grid: &Grid, unit: &str, built: &VolumeSummary) -> Res
         return print_json(&json!({
             "output": args.output.display().to_string(),
             "format": grid.format(),
+            "field": grid.fields().first(),
+            "note": grid.note(),
             "shape": [z, y, x],
             "unit": unit,
             "cell": grid.spacing(),
@@ -114,8 +118,10 @@ fn tell(args: &BuildArgs, grid: &Grid, unit: &str, built: &VolumeSummary) -> Res
         return Ok(());
     }
     let (name, cell) = (in_line(&args.output), grid.spacing());
+    let field = grid.fields().first().map_or(String::new(), |field| format!("\n  of       {field}"));
+    let note = grid.note().map_or(String::new(), |note| format!("\n  note     {note}"));
     print(&format!(
-        "{name}: {x} × {y} × {z} samples of {least} to {greatest}, cells of {cell} {unit}, {} nodes, {} leaves",
+        "{name}: {x} × {y} × {z} samples of {least} to {greatest}, cells of {cell} {unit}, {} nodes, {} leaves{field}{note}",
         stats.nodes, stats.leaves
     ))
 }

@@ -2,6 +2,7 @@
 
 use super::mesh_check::{CheckOutcome, require_sound};
 use super::mesh_detail::{self, MeshDetail};
+use super::mesh_place;
 use super::mesh_shells::{self, ShellChoice, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
@@ -16,12 +17,12 @@ use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Size, Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
-    Angles, ContourMethod, ContourOptions, MeshSink, MeshSummary, ShellFilter, contour, create_sink,
-    create_sink_with_normals, foresee_triangles,
+    Angles, ContourMethod, ContourOptions, Coordinates, MeshSink, MeshSummary, ShellFilter, contour,
+    create_sink, create_sink_with_normals, foresee_triangles,
 };
 use brickfield_engine::fraction::FractionTree;
 use brickfield_engine::part::free_beside;
-use brickfield_engine::store::{AcceptedStores, BrickTree, CacheStats, Store, is_store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, CacheStats, MovedTree, Store, is_store};
 use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
@@ -66,7 +67,15 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
         require_mesh_space(&store, output, (iso, args.level), args.work.quiet)?;
     }
-    let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?;
+    let is_moved = mesh_place::is_moved(&args, &store, output, is_coarse)?;
+    let place = MovedTree::middle(&store);
+    let moved = MovedTree::new(&store, place);
+    let (tree, coordinates): (&dyn BrickTree, _) =
+        if is_moved { (&moved, Coordinates::DoubleFrom(place)) } else { (&store, Coordinates::Single) };
+    let mut sink = match mesh_place::sink(&args, &store, output, coordinates)? {
+        Some(sink) => sink,
+        None => mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?,
+    };
     if is_coarse {
         return run_coarse(&args, &store, output, sink.as_mut(), (cache_bytes, brick_bytes), &bars);
     }
@@ -81,12 +90,18 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         temp_dir: args.temp_dir.clone(),
     };
     let report = if mesh_shells::is_asked(&args) {
-        write_shells(&args, (&store, &store), &options, (output, sink.as_mut()), cache_bytes / 2, &bars)?
+        write_shells(&args, (&store, tree), &options, (output, sink.as_mut()), cache_bytes / 2, &bars)?
     } else {
-        let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
+        let mut report = write_tree(&store, tree, &options, output, sink.as_mut(), &bars)?;
         report.compare(&store, &options, &bars)?;
         report
     };
+    let mut report = report;
+    if is_moved {
+        report.bounds = report.bounds.map(|bounds| bounds.moved(place));
+        report.coordinate_bits = 64;
+    }
+    drop(sink);
     finish(&args, &store, output, report, &bars)
 }
 
@@ -171,7 +186,7 @@ fn write_chosen(
     if chosen.kept.contains(&false) {
         let counted = some.counted();
         (report.vertices, report.triangles) = (counted.vertices, counted.triangles);
-        (report.area, report.bounds) = (counted.area, counted.bounds);
+        (report.area, report.bounds) = (counted.area, counted.bounds.map(MeshBounds::Single));
         report.volume = chosen.told.pieces.volume - chosen.told.voids.volume;
     }
     report.shells = Some(chosen.told);
@@ -293,6 +308,26 @@ pub fn mesh_sink(path: &Path, unit: Option<Unit>, normals: bool) -> Result<Box<d
     })
 }
 
+/// Lower and upper corner of a mesh, with as many digits as its coordinates have.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum MeshBounds {
+    Single([[f32; 3]; 2]),
+    Double([[f64; 3]; 2]),
+}
+
+impl MeshBounds {
+    /// Added to a position of the world.
+    fn moved(self, place: [f64; 3]) -> MeshBounds {
+        match self {
+            MeshBounds::Single(ends) => {
+                MeshBounds::Double(ends.map(|end| std::array::from_fn(|a| place[a] + f64::from(end[a]))))
+            }
+            moved @ MeshBounds::Double(_) => moved,
+        }
+    }
+}
+
 /// What was written.
 #[derive(Serialize)]
 pub struct MeshReport {
@@ -303,7 +338,8 @@ pub struct MeshReport {
     triangles: u64,
     area: f64,
     volume: f64,
-    bounds: Option<[[f32; 3]; 2]>,
+    bounds: Option<MeshBounds>,
+    coordinate_bits: u8,
     brick_cache: BrickCache,
     seconds: f64,
     /// What the volume should be, where that is known.
@@ -492,7 +528,8 @@ fn write_tree(
         triangles,
         area,
         volume,
-        bounds,
+        bounds: bounds.map(MeshBounds::Single),
+        coordinate_bits: 32,
         brick_cache: BrickCache { hits, misses, ahead, ahead_used },
         seconds: started.elapsed().as_secs_f64(),
         expected: None,

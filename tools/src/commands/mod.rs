@@ -24,6 +24,7 @@ pub mod machine;
 pub mod mesh;
 mod mesh_check;
 mod mesh_detail;
+mod mesh_place;
 mod mesh_shells;
 pub mod offset;
 mod operands;

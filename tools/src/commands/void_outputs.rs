@@ -4,14 +4,17 @@ use crate::failure::Failure;
 use crate::output::{in_line, require_distinct};
 use crate::progress::Bars;
 use crate::space::require_space;
+use crate::units::Unit;
 use crate::void_args::VoidsArgs;
 use anyhow::Context;
 use brickfield_engine::Error;
+use brickfield_engine::contour::{MeshPart, write_three_mf_parts};
 use brickfield_engine::export::npy_header;
 use brickfield_engine::lattice::BRICK_CELLS;
+use brickfield_engine::overlay::class_colour;
 use brickfield_engine::part::{PartFile, PartPair};
 use brickfield_engine::store::{BrickTree, Store};
-use brickfield_engine::voids::{Void, Voids, write_labels};
+use brickfield_engine::voids::{Class, Void, Voids, write_labels};
 use serde_json::json;
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -27,6 +30,7 @@ pub struct VoidOutputs {
 enum MeshKind {
     Ply,
     Obj,
+    ThreeMf,
 }
 
 /// A mesh in which triangles share their corners.
@@ -52,7 +56,8 @@ impl VoidOutputs {
             let kind = match ending(path).as_deref() {
                 Some("ply") => MeshKind::Ply,
                 Some("obj") => MeshKind::Obj,
-                _ => return Err(wrong(path, ".ply or .obj")),
+                Some("3mf") => MeshKind::ThreeMf,
+                _ => return Err(wrong(path, ".ply, .obj or .3mf")),
             };
             require_distinct(&[path, &args.output], &[&args.store])?;
             mesh = Some((PartFile::create(path)?, kind));
@@ -78,12 +83,17 @@ impl VoidOutputs {
     /// What writing gives.
     pub fn write(self, store: &Store, found: &Voids, bars: &Bars) -> Result<(), Failure> {
         if let Some((mut file, kind)) = self.mesh {
-            let shared = Shared::of(&found.voids);
             match kind {
-                MeshKind::Ply => shared.ply(&mut file)?,
-                MeshKind::Obj => shared.obj(&mut file)?,
+                MeshKind::Ply => {
+                    Shared::of(&found.voids).ply(&mut file)?;
+                    file.finish()?;
+                }
+                MeshKind::Obj => {
+                    Shared::of(&found.voids).obj(&mut file)?;
+                    file.finish()?;
+                }
+                MeshKind::ThreeMf => three_mf(file, store, &found.voids)?,
             }
-            file.finish()?;
         }
         let Some((mut pair, path)) = self.labels else { return Ok(()) };
         let axis = axis(store);
@@ -113,6 +123,24 @@ impl VoidOutputs {
 /// Samples an axis of the deepest level.
 fn axis(store: &Store) -> usize {
     BRICK_CELLS << store.deepest_level()
+}
+
+/// Writes an object a void, in the colours of their classes.
+fn three_mf(file: PartFile, store: &Store, voids: &[Void]) -> Result<(), Error> {
+    const CLASSES: [Option<Class>; 4] = [Some(Class::Pocket), Some(Class::Infill), Some(Class::Flaw), None];
+    let name = |class: Option<Class>| class.map_or("void", Class::name);
+    let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
+    let part = |void: &Void| {
+        let Shared { vertices, triangles, .. } = Shared::of(std::slice::from_ref(void));
+        MeshPart {
+            name: format!("{} {}", name(void.class), void.id),
+            colour: CLASSES.iter().position(|class| *class == void.class).unwrap_or(0),
+            vertices,
+            triangles: triangles.into_iter().map(|(corners, _)| corners).collect(),
+        }
+    };
+    let colours = CLASSES.map(|class| (name(class), class_colour(class)));
+    write_three_mf_parts(file, metres, &colours, voids.iter().map(part))
 }
 
 impl Shared {

@@ -3,6 +3,7 @@
 
 mod beads;
 mod export;
+mod face_beads;
 mod faces;
 mod overlap;
 mod overlap_leaf;
@@ -14,6 +15,7 @@ mod volume;
 pub use beads::solids_of;
 pub use beads::{CoveringPass, beads_at_points};
 pub use export::{BrickBlock, Dense, Element, TakeRows, covering};
+pub use face_beads::{BeadAttribute, FaceBeads};
 pub(crate) use faces::share_beside;
 pub use overlap::{OverlapSum, Overlaps, PairOverlap, overlaps};
 pub use sample::{sample_at, winding_range};

@@ -1,6 +1,6 @@
 //! The JSON beside a `.npy` or `.raw` file that tells where its samples lie, as `export` writes it.
 
-use super::grid::{Grid, GridPlacement, SampleType};
+use super::grid::{Grid, GridLayout, GridPlacement, SampleType};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use serde_json::Value;
@@ -79,9 +79,9 @@ pub(super) fn equal(volume: &Path, [x, y, z]: [f64; 3]) -> Result<f64> {
 }
 
 /// Opens samples without a header.
-pub(super) fn open_raw(path: &Path) -> Result<Grid> {
+pub(super) fn open_raw(path: &Path, file: MappedFile, _: Option<&str>) -> Result<Grid> {
     let description = Description::beside(path)?;
     let (number, shape) = description.layout()?;
     let place = description.place(path)?;
-    Grid::new(path, MappedFile::open(path)?, 0, (number, shape), place, "raw volume")
+    Grid::in_place(path, file, 0, GridLayout { number, shape, place, format: "raw volume" })
 }

@@ -1,9 +1,10 @@
 //! Bricks of a grid: samples, and crossings by straight lines between them.
 
-use super::Grid;
+use super::grid::{Grid, GridBox};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube, dot};
+use crate::part::directory_of;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{BuildCounts, Divided, Meta, Refine, Source, Stats, StoreWriter, hash_of, write_divided};
@@ -15,6 +16,11 @@ const BLOCK: usize = BRICK_POINTS + 2;
 const NORMAL_SCALE: f64 = 1e12;
 /// Half a unit of the lattice must survive beside the largest coordinate: this part of the root.
 const HALF_UNIT: f64 = 1.0 / 33_554_432.0;
+
+/// Bricks that a volume reaches, of each of which a few bytes are remembered: more are refused.
+const MOST_BRICKS: usize = 1 << 26;
+/// Samples of a face that are read at a time, along an axis.
+const FACE_TILE: usize = 32;
 
 /// Winding numbers are not larger, and masks of 8 bits are as large.
 const USUAL: f64 = 255.0;
@@ -51,23 +57,27 @@ pub struct VolumeSummary {
     pub range: [f64; 2],
     /// The deepest level.
     pub depth: u8,
-    /// Whether something solid ends at the border of the volume, where it was closed.
+    /// Whether something solid ends at the border of the volume and was closed there, since nothing tells what lies beyond.
     pub is_cut: bool,
 }
 
-/// Writes a volume as a store, on its own lattice. What is solid at its border is closed half a step beyond it. Without a
-/// reading values are winding numbers. `unit` is the unit of length.
+/// Writes a volume as a store, on its own lattice. What is solid at its border is closed half a step beyond it, unless
+/// the file tells what lies there. Without a reading values are winding numbers. `unit` is the unit of length.
+/// What is packed is unpacked into a temporary file in `temp_dir`, or beside the output.
 ///
 /// # Errors
 /// [`Error::Input`] if a value is no number, if nothing is solid, or if there is no reading and values are no winding numbers;
 /// [`Error::Setting`] if the volume has too many samples or lies too far from the origin; what reading and writing give.
 pub fn build_volume(
-    grid: &Grid,
+    grid: &mut Grid,
     (input, output): (&Path, &Path),
     reading: Option<Reading>,
     (unit, program): (&str, &str),
+    temp_dir: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<VolumeSummary> {
+    grid.prepare(temp_dir.unwrap_or_else(|| directory_of(output)), progress)?;
+    let grid = &*grid;
     let field = Field::new(input, grid, reading.unwrap_or(Reading::Winding), progress)?;
     if reading.is_none() {
         require_winding_numbers(input, grid, field.range)?;
@@ -78,7 +88,8 @@ pub fn build_volume(
     grid.file().check()?;
     progress.phase("finishing", None, "bytes");
     let stats = writer.finish(meta)?;
-    Ok(VolumeSummary { stats, range: field.range, depth: field.depth, is_cut: field.margin > 0 })
+    let is_cut = field.margin > 0 && field.outside.is_none();
+    Ok(VolumeSummary { stats, range: field.range, depth: field.depth, is_cut })
 }
 
 /// Refuses values that are distances or grey values rather than winding numbers.
@@ -108,6 +119,8 @@ struct Field<'a> {
     reading: Reading,
     /// Samples in front of the grid's first one.
     margin: usize,
+    /// How far what lies beyond the grid is above the surface's value, if the file tells it and it is not solid.
+    outside: Option<f64>,
     depth: u8,
     /// What is known of the nodes that the grid reaches, level by level.
     uniform: Vec<UniformNodes>,
@@ -151,16 +164,25 @@ impl UniformNodes {
 
 impl<'a> Field<'a> {
     fn new(input: &Path, grid: &'a Grid, reading: Reading, progress: &dyn Progress) -> Result<Field<'a>> {
-        let margin = usize::from(touches_border(grid, reading));
+        let margin = usize::from(touches_border(grid, reading)?);
         let needed = grid.shape().into_iter().max().unwrap_or(0) + 2 * margin;
         let Some(depth) = (0..=MAX_LEVEL).find(|&level| BRICK_CELLS << level >= needed) else {
             let what = format!("the volume has {needed} samples along an axis");
             return Err(Error::setting(what, format!("at most {} fit", BRICK_CELLS << MAX_LEVEL)));
         };
+        let bricks: usize = grid.shape().iter().map(|n| (n + 2 * margin).div_ceil(BRICK_CELLS)).product();
+        if bricks > MOST_BRICKS {
+            let [x, y, z] = grid.shape();
+            let what = format!("its samples reach over {x} × {y} × {z}, which are {bricks} bricks");
+            let remedy =
+                format!("cut out what matters: at most {MOST_BRICKS} bricks of 32³ samples are read");
+            return Err(Error::input(input, "samples", what, remedy));
+        }
         let mut field = Field {
             grid,
             reading,
             margin,
+            outside: grid.outside().map(|value| reading.of(value).0).filter(|&level| level < 0.0),
             depth,
             uniform: Vec::new(),
             range: [f64::INFINITY, f64::NEG_INFINITY],
@@ -188,81 +210,78 @@ impl<'a> Field<'a> {
         let mut values = Vec::with_capacity(counts.iter().product());
         progress.phase("looking at samples", Some((up * deep) as u64), "rows of bricks");
         let this = &*self;
-        let work = |(): &mut (), row: usize| {
+        let work = |values: &mut Vec<f64>, row: usize| {
             progress.check()?;
             let first = |x: usize| [x, row % up, row / up].map(|place| place * BRICK_CELLS);
-            (0..across).map(|x| this.scanned(input, first(x))).collect::<Result<Vec<_>>>()
+            (0..across).map(|x| this.scanned(input, first(x), values)).collect::<Result<Vec<_>>>()
         };
         let (mut range, mut solid) = (self.range, self.solid);
         let window = 4 * rayon::current_num_threads();
-        run_ordered(
-            up * deep,
-            window,
-            || (),
-            work,
-            |row: Vec<Scanned>| {
-                progress.advance(1);
-                for brick in row {
-                    values.push(brick.uniform);
-                    range = [range[0].min(brick.range[0]), range[1].max(brick.range[1])];
-                    if let Some([low, high]) = brick.solid {
-                        for a in 0..3 {
-                            solid[0][a] = solid[0][a].min(low[a]);
-                            solid[1][a] = solid[1][a].max(high[a]);
-                        }
+        run_ordered(up * deep, window, Vec::new, work, |row: Vec<Scanned>| {
+            progress.advance(1);
+            for brick in row {
+                values.push(brick.uniform);
+                range = [range[0].min(brick.range[0]), range[1].max(brick.range[1])];
+                if let Some([low, high]) = brick.solid {
+                    for a in 0..3 {
+                        solid[0][a] = solid[0][a].min(low[a]);
+                        solid[1][a] = solid[1][a].max(high[a]);
                     }
                 }
-                Ok(())
-            },
-        )?;
+            }
+            Ok(())
+        })?;
         (self.range, self.solid) = (range, solid);
         Ok(UniformNodes { counts, values })
     }
 
-    /// Looks at the brick whose first sample this is.
-    fn scanned(&self, input: &Path, first: [usize; 3]) -> Result<Scanned> {
+    /// Looks at the brick whose first sample this is. The list is room for its values.
+    fn scanned(&self, input: &Path, first: [usize; 3], values: &mut Vec<f64>) -> Result<Scanned> {
         let mut found = Scanned { uniform: Some(0), range: [f64::INFINITY, f64::NEG_INFINITY], solid: None };
         let mut least_and_most = [i16::MAX, i16::MIN];
         // What lies beyond the grid along an axis is empty.
         let mut is_beyond = false;
-        let range = |a: usize| {
-            let end = self.grid.shape()[a] + self.margin;
-            (first[a].max(self.margin), (first[a] + BRICK_POINTS).min(end), first[a] + BRICK_POINTS > end)
-        };
-        let ranges = [range(0), range(1), range(2)];
-        for (a, (low, _, beyond)) in ranges.iter().enumerate() {
-            is_beyond |= *beyond || first[a] < *low;
+        let (mut low, mut high) = ([0; 3], [0; 3]);
+        for a in 0..3 {
+            let shape = self.grid.shape()[a];
+            let end = first[a] + BRICK_POINTS - self.margin;
+            (low[a], high[a]) = (first[a].saturating_sub(self.margin), end.min(shape));
+            is_beyond |= end > shape || first[a] < self.margin;
+            if low[a] >= high[a] {
+                return Ok(found);
+            }
         }
-        for k in ranges[2].0..ranges[2].1 {
-            for j in ranges[1].0..ranges[1].1 {
-                for i in ranges[0].0..ranges[0].1 {
-                    let ijk = [i, j, k].map(|c| c - self.margin);
-                    let value = self.grid.value(ijk);
-                    if value.is_nan() {
-                        let [i, j, k] = ijk;
-                        let place = format!("sample [{k}, {j}, {i}]");
-                        let remedy = "replace such values, as by numpy.nan_to_num";
-                        return Err(Error::input(input, place, "is no number", remedy));
-                    }
-                    let (_, sample) = self.reading.of(value);
-                    found.range = [found.range[0].min(value), found.range[1].max(value)];
-                    least_and_most = [least_and_most[0].min(sample), least_and_most[1].max(sample)];
-                    if sample >= 1 {
-                        let [low, high] = found.solid.unwrap_or([ijk; 2]);
-                        let ends = [
-                            std::array::from_fn(|a| low[a].min(ijk[a])),
-                            std::array::from_fn(|a| high[a].max(ijk[a])),
-                        ];
-                        found.solid = Some(ends);
-                    }
-                }
+        let samples = [low, high];
+        let uniform = self.grid.uniform(samples);
+        match uniform {
+            Some(value) => (values.clear(), values.push(value)).1,
+            None => self.grid.read(samples, values)?,
+        }
+        let [across, up] = [0, 1].map(|a| high[a] - low[a]);
+        for (n, &value) in values.iter().enumerate() {
+            let ijk = [low[0] + n % across, low[1] + n / across % up, low[2] + n / across / up];
+            if value.is_nan() {
+                let [i, j, k] = ijk;
+                let place = format!("sample [{k}, {j}, {i}]");
+                let remedy = "replace such values, as by numpy.nan_to_num";
+                return Err(Error::input(input, place, "is no number", remedy));
+            }
+            let (_, sample) = self.reading.of(value);
+            found.range = [found.range[0].min(value), found.range[1].max(value)];
+            least_and_most = [least_and_most[0].min(sample), least_and_most[1].max(sample)];
+            if sample >= 1 {
+                let last = if uniform.is_some() { high.map(|c| c - 1) } else { ijk };
+                let [least, most] = found.solid.unwrap_or([ijk; 2]);
+                found.solid = Some([
+                    std::array::from_fn(|a| least[a].min(ijk[a])),
+                    std::array::from_fn(|a| most[a].max(last[a])),
+                ]);
             }
         }
         let [least, most] = least_and_most;
-        found.uniform = match (least <= most, is_beyond) {
-            (false, _) => Some(0),
-            (true, true) => (least == 0 && most == 0).then_some(0),
-            (true, false) => (least == most).then_some(least),
+        found.uniform = match is_beyond {
+            true => (least == 0 && most == 0).then_some(0),
+            false => (least == most).then_some(least),
         };
         Ok(found)
     }
@@ -306,31 +325,59 @@ impl<'a> Field<'a> {
         })
     }
 
-    /// How far the value of a lattice sample is above the surface's, and the sample. Beyond the grid it is as far below as its
-    /// nearest value is above.
-    fn level(&self, sample: [i64; 3]) -> (f64, i16) {
+    /// The values of a brick with one more on each side: how far each is above the surface's, and the sample. Beyond the grid it
+    /// is what the file says, or as far below as the nearest value is above.
+    fn block(&self, first: [i64; 3]) -> Result<Vec<(f64, i16)>> {
         let shape = self.grid.shape();
-        let ijk = sample.map(|c| c - self.margin as i64);
-        let near: [usize; 3] = std::array::from_fn(|a| ijk[a].clamp(0, shape[a] as i64 - 1) as usize);
-        let (level, sample) = self.reading.of(self.grid.value(near));
-        let is_beyond = (0..3).any(|a| near[a] as i64 != ijk[a]);
-        if is_beyond { (-level.abs().max(f64::MIN_POSITIVE), 0) } else { (level, sample) }
+        let near = |a: usize, within: i64| -> usize {
+            (first[a] + within - 1 - self.margin as i64).clamp(0, shape[a] as i64 - 1) as usize
+        };
+        let samples: GridBox =
+            [std::array::from_fn(|a| near(a, 0)), std::array::from_fn(|a| near(a, BLOCK as i64 - 1) + 1)];
+        let mut values = Vec::new();
+        self.grid.read(samples, &mut values)?;
+        let [low, high] = samples;
+        let [across, up] = [0, 1].map(|a| high[a] - low[a]);
+        let level = |n: usize| {
+            let within = [n % BLOCK, n / BLOCK % BLOCK, n / BLOCK / BLOCK].map(|c| c as i64);
+            let [i, j, k]: [usize; 3] = std::array::from_fn(|a| near(a, within[a]) - low[a]);
+            let (level, sample) = self.reading.of(values[(k * up + j) * across + i]);
+            let is_beyond = (0..3).any(|a| {
+                let ijk = first[a] + within[a] - 1 - self.margin as i64;
+                ijk != near(a, within[a]) as i64
+            });
+            let beyond = self.outside.unwrap_or(-level.abs().max(f64::MIN_POSITIVE));
+            if is_beyond { (beyond, 0) } else { (level, sample) }
+        };
+        Ok((0..BLOCK.pow(3)).map(level).collect())
     }
 }
 
 /// Whether anything on the faces of a grid is solid.
-fn touches_border(grid: &Grid, reading: Reading) -> bool {
+fn touches_border(grid: &Grid, reading: Reading) -> Result<bool> {
     let shape = grid.shape();
-    (0..3).any(|a| {
+    let mut values = Vec::new();
+    for a in 0..3 {
         let (b, c) = ((a + 1) % 3, (a + 2) % 3);
-        [0, shape[a] - 1].into_iter().any(|end| {
-            (0..shape[b] * shape[c]).any(|n| {
-                let mut ijk = [0; 3];
-                (ijk[a], ijk[b], ijk[c]) = (end, n % shape[b], n / shape[b]);
-                reading.of(grid.value(ijk)).1 >= 1
-            })
-        })
-    })
+        for end in [0, shape[a] - 1] {
+            for from_b in (0..shape[b]).step_by(FACE_TILE) {
+                for from_c in (0..shape[c]).step_by(FACE_TILE) {
+                    let (mut low, mut high) = ([0; 3], [0; 3]);
+                    (low[a], high[a]) = (end, end + 1);
+                    (low[b], high[b]) = (from_b, (from_b + FACE_TILE).min(shape[b]));
+                    (low[c], high[c]) = (from_c, (from_c + FACE_TILE).min(shape[c]));
+                    match grid.uniform([low, high]) {
+                        Some(value) => (values.clear(), values.push(value)).1,
+                        None => grid.read([low, high], &mut values)?,
+                    }
+                    if values.iter().any(|&value| reading.of(value).1 >= 1) {
+                        return Ok(true);
+                    }
+                }
+            }
+        }
+    }
+    Ok(false)
 }
 
 impl Divided for Field<'_> {
@@ -343,13 +390,10 @@ impl Divided for Field<'_> {
     }
 
     fn brick(&self, key: NodeKey) -> Result<Brick> {
-        let first = key.first_sample().map(i64::from);
-        let mut block = vec![0.0; BLOCK.pow(3)];
+        let block = self.block(key.first_sample().map(i64::from))?;
         let mut samples = Samples::filled(0);
-        for (n, level) in block.iter_mut().enumerate() {
+        for (n, &(_, sample)) in block.iter().enumerate() {
             let within = [n % BLOCK, n / BLOCK % BLOCK, n / BLOCK / BLOCK];
-            let (value, sample) = self.level(std::array::from_fn(|a| first[a] + within[a] as i64 - 1));
-            *level = value;
             if within.iter().all(|&c| (1..=BRICK_POINTS).contains(&c)) {
                 samples.0[point_index(within.map(|c| c - 1))] = sample;
             }
@@ -366,14 +410,14 @@ impl Divided for Field<'_> {
 }
 
 /// The crossing of a lattice edge of a brick, by the values of its block.
-fn crossing(block: &[f64], axis: Axis, low: [usize; 3]) -> HermiteEdge {
+fn crossing(block: &[(f64, i16)], axis: Axis, low: [usize; 3]) -> HermiteEdge {
     let index = |[i, j, k]: [usize; 3]| ((k + 1) * BLOCK + j + 1) * BLOCK + i + 1;
     let strides = [1, BLOCK, BLOCK * BLOCK];
     let (from, step) = (index(low), strides[axis.index()]);
-    let [a, b] = [block[from], block[from + step]];
+    let [a, b] = [block[from].0, block[from + step].0];
     let t = a / (a - b);
     // Values fall outward.
-    let slope = |at: usize, a: usize| block[at - strides[a]] - block[at + strides[a]];
+    let slope = |at: usize, a: usize| block[at - strides[a]].0 - block[at + strides[a]].0;
     let outward: [f64; 3] = std::array::from_fn(|n| (1.0 - t) * slope(from, n) + t * slope(from + step, n));
     let length = dot(outward, outward).sqrt();
     let mut direction = outward.map(|c| (c / length * NORMAL_SCALE) as i64);

@@ -1,7 +1,8 @@
 //! MetaImage: a text of `Name = value` lines, with the samples behind it or in another file.
 
 use super::description::equal;
-use super::grid::{Grid, GridPlacement, SampleType};
+use super::grid::{Grid, GridLayout, GridPlacement, SampleType};
+use super::packed::{Packed, Packing};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use std::collections::HashMap;
@@ -59,12 +60,8 @@ impl<'a> Header<'a> {
 }
 
 /// Opens an image.
-pub(super) fn open(path: &Path) -> Result<Grid> {
-    let file = MappedFile::open(path)?;
+pub(super) fn open(path: &Path, file: MappedFile, _: Option<&str>) -> Result<Grid> {
     let header = Header::of(path, file.bytes())?;
-    if header.is_true("CompressedData") {
-        return Err(header.error("CompressedData", "write it without compression"));
-    }
     if header.is_true("BinaryDataByteOrderMSB") || header.is_true("ElementByteOrderMSB") {
         return Err(header.error("BinaryDataByteOrderMSB", "write it in little-endian order"));
     }
@@ -95,15 +92,27 @@ pub(super) fn open(path: &Path) -> Result<Grid> {
     let origin =
         ["Offset", "Position", "Origin"].iter().find_map(|name| header.three(name)).unwrap_or([0.0; 3]);
     let place = GridPlacement { origin, spacing: equal(path, steps)?, unit: None, holds_distances: false };
+    let shape = shape.map(|n| n as usize);
+    let layout = GridLayout { number, shape, place, format: "MetaImage volume" };
     let name = header.text("ElementDataFile").unwrap_or_default().to_owned();
-    let layout = (number, shape.map(|n| n as usize));
+    let is_packed = header.is_true("CompressedData");
     if name == "LOCAL" {
         let end = header.end;
-        return Grid::new(path, file, end, layout, place, "MetaImage volume");
+        return samples(path, file, end, layout, is_packed);
     }
     if name.starts_with("LIST") || name.contains('%') {
         return Err(header.error("ElementDataFile", "write all samples into one file"));
     }
     let data = path.parent().unwrap_or(Path::new("")).join(name);
-    Grid::new(&data, MappedFile::open(&data)?, 0, layout, place, "MetaImage volume")
+    samples(&data, MappedFile::open(&data)?, 0, layout, is_packed)
+}
+
+/// Of the samples in a file from a byte on.
+fn samples(path: &Path, file: MappedFile, first: usize, layout: GridLayout, is_packed: bool) -> Result<Grid> {
+    if !is_packed {
+        return Grid::in_place(path, file, first, layout);
+    }
+    let end = file.bytes().len();
+    let packed = Packed::new(path, &layout, Packing::Stream(first..end))?;
+    Grid::new(path, file, layout, Box::new(packed))
 }

@@ -1,7 +1,7 @@
 //! NumPy's arrays, indexed `[z, y, x]`, whose place in the world a description beside them tells.
 
 use super::description::Description;
-use super::grid::{Grid, SampleType};
+use super::grid::{Grid, GridLayout, SampleType};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use std::path::Path;
@@ -9,8 +9,7 @@ use std::path::Path;
 const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// Opens an array.
-pub(super) fn open(path: &Path) -> Result<Grid> {
-    let file = MappedFile::open(path)?;
+pub(super) fn open(path: &Path, file: MappedFile, _: Option<&str>) -> Result<Grid> {
     let bytes = file.bytes();
     let bad = |what: &str, remedy: &str| Error::input(path, "header", what, remedy);
     let none = || bad("is no NumPy array", "write it by numpy.save");
@@ -43,7 +42,8 @@ pub(super) fn open(path: &Path) -> Result<Grid> {
     };
     let first = start + length;
     let place = Description::beside(path)?.place(path)?;
-    Grid::new(path, file, first, (number, [x, y, z]), place, "NumPy volume")
+    let layout = GridLayout { number, shape: [x, y, z], place, format: "NumPy volume" };
+    Grid::in_place(path, file, first, layout)
 }
 
 /// What follows a name in the header's dictionary.

@@ -1,8 +1,8 @@
-//! Point clouds: PLY without faces, and text with a point a line.
+//! Point clouds: PLY without faces, PCD, and text with a point a line.
 
 use super::columns::{CloudColumns, NormalLengths, short};
 use super::origin::Origin;
-use super::{InputKind, cloud_text, detect, ply};
+use super::{InputKind, cloud_text, detect, pcd, ply};
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
@@ -22,7 +22,7 @@ pub struct CloudInput {
 }
 
 impl CloudInput {
-    /// Whether a file is a point cloud: a PLY without faces, or text that ends in .xyz, .pts or .asc, or holds nothing but
+    /// Whether a file is a point cloud: a PLY without faces, a PCD, or text that ends in .xyz, .pts or .asc, or holds nothing but
     /// lines of numbers.
     ///
     /// # Errors
@@ -34,7 +34,7 @@ impl CloudInput {
         Ok(matches!(kind, InputKind::Cloud(_)))
     }
 
-    /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY, with the normals nx, ny, nz if it has those; or
+    /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY or PCD, with its normals if it has those; or
     /// text, whose columns have names or are understood by their numbers.
     ///
     /// # Errors
@@ -45,9 +45,12 @@ impl CloudInput {
         let bytes = file.bytes();
         file.advise(Access::Sequential);
         progress.phase("reading", Some(file.len()), "bytes");
-        let (read, format) = match ply::is_ply(bytes) {
-            true => (ply::read_cloud(path, bytes, progress), "PLY points"),
-            false => (cloud_text::read(path, bytes, progress), "XYZ points"),
+        let (read, format) = if ply::is_ply(bytes) {
+            (ply::read_cloud(path, bytes, progress), "PLY points")
+        } else if pcd::is_pcd(bytes) {
+            (pcd::read(path, bytes, progress), "PCD points")
+        } else {
+            (cloud_text::read(path, bytes, progress), "XYZ points")
         };
         file.check()?;
         let (cloud, columns) = read?;

@@ -1,6 +1,7 @@
 //! Which format a file is in: by its content if that is conclusive, else by its ending.
 
-use super::{cloud_text, foreign, gltf, obj, off, ply, stl, text, three_mf};
+use super::formats::{FileStart, MeshFormat, TellTale, readable};
+use super::{cloud_text, foreign, pcd, ply, stl, text, three_mf};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use std::path::Path;
@@ -13,12 +14,9 @@ const START_BYTES: usize = 1 << 14;
 pub(super) enum ReaderKind {
     BinaryStl,
     AsciiStl,
-    Obj,
-    Ply,
-    Off,
+    /// The reader of a format of the table.
+    Polygons(&'static MeshFormat),
     ThreeMf,
-    Amf,
-    Glb,
     Gcode,
     X3d,
 }
@@ -32,8 +30,6 @@ const CLOUDS: [&str; 5] = ["xyz", "xyzn", "xyzrgb", "pts", "asc"];
 /// Lines of a text without a telling ending that must all look like G-code.
 const GCODE_LINES: usize = 1000;
 
-/// What can be given instead of what cannot be read.
-const REMEDY: &str = "give a mesh as STL, OBJ, PLY, OFF, 3MF, AMF or GLB, a toolpath as G-code, beads as X3D, or points as PLY or XYZ";
 /// Of this many bytes one may be a control byte in a text that was damaged a little.
 const BYTES_A_CONTROL: usize = 16;
 
@@ -42,7 +38,7 @@ const BYTES_A_CONTROL: usize = 16;
 pub enum InputKind {
     /// A mesh: its format, as in "STL".
     Mesh(&'static str),
-    /// Points without faces: "PLY" or "XYZ".
+    /// Points without faces: "PLY", "PCD" or "XYZ".
     Cloud(&'static str),
     /// G-code.
     Toolpath,
@@ -77,22 +73,27 @@ pub(super) fn what_is(path: &Path, bytes: &[u8]) -> InputKind {
     if ply::is_ply(bytes) && ply::has_faces(path, bytes).is_ok_and(|has_faces| !has_faces) {
         return InputKind::Cloud("PLY");
     }
+    if pcd::is_pcd(bytes) {
+        return InputKind::Cloud("PCD");
+    }
     match family(path, bytes) {
         Ok(ReaderKind::BinaryStl | ReaderKind::AsciiStl) => InputKind::Mesh("STL"),
-        Ok(ReaderKind::Obj) => InputKind::Mesh("OBJ"),
-        Ok(ReaderKind::Ply) => InputKind::Mesh("PLY"),
-        Ok(ReaderKind::Off) => InputKind::Mesh("OFF"),
-        Ok(ReaderKind::Amf) => InputKind::Mesh("AMF"),
-        Ok(ReaderKind::Glb) => InputKind::Mesh("glTF"),
+        Ok(ReaderKind::Polygons(format)) => InputKind::Mesh(format.name),
         Ok(ReaderKind::ThreeMf) => InputKind::ThreeMf,
         Ok(ReaderKind::Gcode) => InputKind::Toolpath,
         Ok(ReaderKind::X3d) => InputKind::X3d,
         Err(_) => match foreign::by_content(path, bytes) {
             Some(what) => InputKind::Foreign(Some(what)),
             None if has_cloud_ending(path) || is_cloud(path, bytes) => InputKind::Cloud("XYZ"),
-            None => InputKind::Foreign(foreign::by_ending(path)),
+            None => InputKind::Foreign(foreign::by_ending(path).or_else(|| denied(path))),
         },
     }
+}
+
+/// What a file is that is no mesh of its name's ending, as in "no OFF file, in spite of its name".
+fn denied(path: &Path) -> Option<&'static str> {
+    let denial = MeshFormat::of_name(path)?.denial?;
+    denial.strip_prefix("is ").filter(|denial| denial.starts_with("no "))
 }
 
 /// True of a text of points that is nothing else.
@@ -127,26 +128,20 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<ReaderKind> {
     let is_text = !start.iter().any(|b| text::is_control(*b));
     // A few zeros at the end, or one damaged byte, make no other format of a text.
     let is_mostly_text = is_mostly_text(start);
-    if ply::is_ply(bytes) {
-        return Ok(ReaderKind::Ply);
-    }
     if stl::has_exact_size(bytes) {
         return Ok(ReaderKind::BinaryStl);
     }
     if start.starts_with(b"GCDE") {
         return Ok(ReaderKind::Gcode);
     }
-    if gltf::is_glb(bytes) {
-        return Ok(ReaderKind::Glb);
-    }
-    if is_mostly_text && off::is_off(start_text) {
-        return Ok(ReaderKind::Off);
+    let file = FileStart { path, bytes, text: is_mostly_text.then_some(start_text) };
+    if let Some(format) = MeshFormat::of(&file, true) {
+        return Ok(ReaderKind::Polygons(format));
     }
     let foreign = foreign::by_content(path, bytes);
     match foreign {
         Some(three_mf::WHAT) if three_mf::holds_toolpath(path, bytes) => return Ok(ReaderKind::Gcode),
         Some(three_mf::WHAT) => return Ok(ReaderKind::ThreeMf),
-        Some(foreign::AMF) => return Ok(ReaderKind::Amf),
         _ => {}
     }
     if is_mostly_text && begins_as_stl(start_text) {
@@ -155,8 +150,8 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<ReaderKind> {
     if is_x3d(start_text) {
         return Ok(ReaderKind::X3d);
     }
-    if is_mostly_text && obj::is_plausible(start_text) {
-        return Ok(ReaderKind::Obj);
+    if let Some(format) = MeshFormat::of(&file, false) {
+        return Ok(ReaderKind::Polygons(format));
     }
     if is_gcode(path, start_text, is_text) {
         return Ok(ReaderKind::Gcode);
@@ -175,31 +170,36 @@ pub(super) fn family(path: &Path, bytes: &[u8]) -> Result<ReaderKind> {
     }
     // The reader says what is wrong with it. Where the count of a binary file would stand there is text.
     let begins_as_text = bytes.iter().take(84).all(|b| b.is_ascii() && !text::is_control(*b));
+    let format = MeshFormat::of_name(path);
     match ending.to_str() {
-        Some("stl") if is_text || begins_as_text => Ok(ReaderKind::AsciiStl),
-        Some("stl") => Ok(ReaderKind::BinaryStl),
-        Some("obj") if is_mostly_text => Ok(ReaderKind::Obj),
-        Some("obj") => Err(Error::input(path, "byte 0", "is not text, as an OBJ mesh is", REMEDY)),
-        Some("x3d") => Ok(ReaderKind::X3d),
-        Some("ply") => Err(Error::input(path, "byte 0", "does not begin with the line \"ply\"", REMEDY)),
-        _ => Err(match foreign::by_ending(path) {
-            Some(what) => Error::input(path, "byte 0", format!("is {what}"), remedy_for(what)),
-            None => {
-                let what = "is neither STL nor OBJ nor PLY nor X3D nor G-code";
-                Error::input(path, "byte 0", what, REMEDY)
-            }
-        }),
+        Some("stl") if is_text || begins_as_text => return Ok(ReaderKind::AsciiStl),
+        Some("stl") => return Ok(ReaderKind::BinaryStl),
+        Some("x3d") => return Ok(ReaderKind::X3d),
+        _ => {}
     }
+    if let Some(format) =
+        format.filter(|format| matches!(format.tell, TellTale::Perhaps(_)) && is_mostly_text)
+    {
+        return Ok(ReaderKind::Polygons(format));
+    }
+    Err(match (format.and_then(|format| format.denial), foreign::by_ending(path)) {
+        (Some(denial), _) => Error::input(path, "byte 0", denial, readable()),
+        (None, Some(what)) => Error::input(path, "byte 0", format!("is {what}"), remedy_for(what)),
+        (None, None) => {
+            let what = "is neither STL nor OBJ nor PLY nor X3D nor G-code";
+            Error::input(path, "byte 0", what, readable())
+        }
+    })
 }
 
 /// What the user can do with a file that cannot be read.
-fn remedy_for(what: &str) -> &'static str {
+fn remedy_for(what: &str) -> String {
     if what.contains("CAD model") {
-        "export the part as a mesh: STL, OBJ or PLY"
+        "export the part as a mesh: STL, OBJ or PLY".to_owned()
     } else if what.starts_with("compressed") {
-        "unpack it first (G-code is read as .gz and .xz, named .gcode.gz or .gcode.xz)"
+        "unpack it first (G-code is read as .gz and .xz, named .gcode.gz or .gcode.xz)".to_owned()
     } else {
-        REMEDY
+        readable()
     }
 }
 

@@ -42,8 +42,8 @@ const BEGINNINGS: [(&[u8], &str); 47] = [
     (b"MZ", "a program of Windows"),
     (b"LASF", "a LAS point cloud (convert it to PLY or XYZ)"),
     (b"ASTM-E57", "an E57 point cloud (convert it to PLY or XYZ)"),
-    (b"# .PCD", "a PCD point cloud (convert it to PLY or XYZ)"),
-    (b"VERSION .7\nFIELDS", "a PCD point cloud (convert it to PLY or XYZ)"),
+    (b"# .PCD", "a PCD point cloud"),
+    (b"VERSION .7\nFIELDS", "a PCD point cloud"),
     (b"\x20BDV", "an OpenVDB volume"),
     (b"NanoVDB", "a NanoVDB volume"),
     (b"\x89HDF", "an HDF5 file"),
@@ -72,7 +72,7 @@ const ELEMENTS: [(&[u8], &str); 6] = [
 ];
 
 /// Endings of files whose content was not told.
-const ENDINGS: [(&str, &str); 22] = [
+const ENDINGS: [(&str, &str); 18] = [
     ("step", "a STEP file, a CAD model, by its name"),
     ("stp", "a STEP file, a CAD model, by its name"),
     ("iges", "an IGES file, a CAD model, by its name"),
@@ -85,15 +85,11 @@ const ENDINGS: [(&str, &str); 22] = [
     ("x_b", "a Parasolid file, a CAD model, by its name"),
     ("catpart", "a CATIA part, a CAD model, by its name"),
     ("dxf", "a DXF drawing, by its name"),
-    ("off", "no OFF file, in spite of its name"),
-    ("amf", "no AMF file, in spite of its name"),
-    ("glb", "no binary glTF file, in spite of its name"),
     ("vtk", "a VTK file, by its name"),
     ("fcstd", "a FreeCAD document, a CAD model, by its name"),
     ("blend", "a Blender scene, by its name"),
     ("gltf", "a glTF file, by its name (export it as .glb)"),
     ("brf", "no brick store, in spite of its name"),
-    ("3mf", "no 3MF file, in spite of its name"),
     ("zip", "no ZIP archive, in spite of its name"),
 ];
 

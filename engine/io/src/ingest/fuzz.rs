@@ -63,6 +63,7 @@ pub fn ply(bytes: &[u8]) {
 pub fn xyz(bytes: &[u8]) {
     let path = Path::new("a.xyz");
     points(cloud_text::read(path, bytes, &Silent).map(|(cloud, _)| cloud), path);
+    points(super::pcd::read(Path::new("a.pcd"), bytes, &Silent).map(|(cloud, _)| cloud), Path::new("a.pcd"));
     detect::is_cloud(Path::new("a"), bytes);
     detect::what_is(path, bytes);
 }

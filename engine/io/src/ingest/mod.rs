@@ -14,6 +14,7 @@ mod columns;
 mod detect;
 mod fields;
 mod foreign;
+mod formats;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzz;
@@ -21,6 +22,7 @@ mod gltf;
 mod obj;
 mod off;
 mod origin;
+mod pcd;
 mod placement;
 mod ply;
 mod polygons;
@@ -44,6 +46,7 @@ pub use cloud::CloudInput;
 pub use columns::{CloudColumns, NormalLengths};
 pub use detect::InputKind;
 pub use fields::Separators;
+pub use formats::{mesh_endings, readable};
 pub use survey::Survey;
 pub use three_mf::{ThreeMf, ThreeMfItem, ThreeMfObject};
 
@@ -170,15 +173,12 @@ impl Input {
                 let facets = stl_text::read(path, bytes, progress)?;
                 ("STL ASCII", facets.all.len() as u64, Soup::Facets(facets))
             }
-            ReaderKind::Obj => of_polygons("OBJ", obj::read(path, bytes, progress)?),
-            ReaderKind::Ply => {
-                let (polygons, format) = ply::read(path, bytes, progress)?;
+            ReaderKind::Polygons(format) => {
+                let read = format.read.expect("formats that are told by the table have a reader");
+                let (polygons, format) = read(path, bytes, progress)?;
                 of_polygons(format, polygons)
             }
-            ReaderKind::Off => of_polygons("OFF", off::read(path, bytes, progress)?),
             ReaderKind::ThreeMf => of_polygons("3MF", three_mf::read(path, bytes, progress)?),
-            ReaderKind::Amf => of_polygons("AMF", amf::read(path, bytes, progress)?),
-            ReaderKind::Glb => of_polygons("glTF binary", gltf::read(path, bytes, progress)?),
             ReaderKind::Gcode => {
                 let beads = beads::read(path, options, progress)?;
                 ("G-code", beads.swept.facets(), Soup::Beads(Box::new(beads)))

@@ -111,8 +111,9 @@ pub use options::{ContourMethod, ContourOptions, MeshSummary};
 pub use shells::{Angles, KeptCounts, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellFilter, ShellSink};
 pub use single_brick::{SingleBrick, SingleBrickCells, has_one_sheet};
 pub use sink::{
-    DiscardSink, MeshArrays, MeshChunk, MeshEncoding, MeshSink, PositionsSink, TriangleBytes, VertexBytes,
-    create_sink, create_sink_with_normals, ply_faces,
+    Coordinates, DOUBLE_ENDINGS, DiscardSink, FaceAttributes, MeshArrays, MeshChunk, MeshEncoding, MeshPart,
+    MeshSink, PlacedSink, PositionsSink, TriangleBytes, VertexBytes, create_sink, create_sink_with_normals,
+    listed_mesh_endings, ply_faces, write_three_mf_parts, written_mesh_endings,
 };
 
 pub use tagged::{Bend, EdgeFacet, edge_facets};

@@ -14,6 +14,7 @@ mod join;
 mod journal;
 mod layout;
 mod meta;
+mod moved;
 mod order;
 mod prefetch;
 mod reader;
@@ -38,6 +39,7 @@ pub use join::{CoarseSamples, JoinedNode, common_empty, interior, join, joined, 
 pub use journal::SettingPairs;
 pub use layout::{FORMAT_VERSION, IndexEntry};
 pub use meta::{BeadsMeta, BuildCounts, Meta, Refine, Source};
+pub use moved::MovedTree;
 pub use order::{build_order, subtree_level};
 pub use prefetch::Walk;
 pub use reader::hash_of;

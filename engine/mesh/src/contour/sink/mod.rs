@@ -3,9 +3,11 @@
 mod arrays;
 mod glb;
 mod obj;
+mod placed;
 mod ply;
 mod stl;
 mod three_mf;
+mod three_mf_parts;
 
 use super::cut::MeshTriangle;
 use super::cut::{Cuts, encoded};
@@ -15,7 +17,9 @@ use std::path::Path;
 
 pub(super) use arrays::triples;
 pub use arrays::{DiscardSink, MeshArrays, PositionsSink};
+pub use placed::{Coordinates, DOUBLE_ENDINGS, FaceAttributes, PlacedSink};
 pub use ply::ply_faces;
+pub use three_mf_parts::{MeshPart, write_three_mf_parts};
 
 /// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that
 /// keeps a mesh has its own `vertices` and `triangles`, or, with normals, `wants_normals`, `vertices_with_normals` and
@@ -135,10 +139,51 @@ pub enum MeshChunk<'a> {
     Triangles(usize, &'a [u8]),
 }
 
-/// Known file endings.
-const ENDINGS: &str = ".stl (binary), .ply (binary), .obj, .3mf, .glb";
-/// Those of formats whose vertices may have normals.
-const ENDINGS_WITH_NORMALS: &str = ".ply, .obj, .glb";
+/// Begins a mesh in a file, in units of so many metres, whose vertices have normals or not.
+type Begin = fn(PartFile, Option<f64>, bool) -> Result<Box<dyn MeshSink>>;
+
+/// A format of mesh files.
+struct MeshFormat {
+    /// Ending of their names, in lower case.
+    ending: &'static str,
+    /// What is to be said beside it.
+    note: &'static str,
+    begin: Begin,
+    /// Whether vertices can have normals.
+    has_normals: bool,
+}
+
+/// All formats: a new one is a file with its sink and a line here.
+#[rustfmt::skip]
+const FORMATS: [MeshFormat; 5] = [
+    MeshFormat { ending: "stl", note: " (binary)", begin: |file, _, _| Ok(Box::new(stl::StlSink::new(file)?)), has_normals: false },
+    MeshFormat { ending: "ply", note: " (binary)", begin: |file, _, normals| Ok(Box::new(ply::PlySink::new(file, normals)?)), has_normals: true },
+    MeshFormat { ending: "obj", note: "", begin: |file, _, normals| Ok(Box::new(obj::ObjSink::new(file, normals)?)), has_normals: true },
+    MeshFormat { ending: "3mf", note: "", begin: |file, metres, _| Ok(Box::new(three_mf::ThreeMfSink::new(file, metres)?)), has_normals: false },
+    MeshFormat { ending: "glb", note: "", begin: |file, metres, normals| Ok(Box::new(glb::GlbSink::new(file, metres, normals)?)), has_normals: true },
+];
+
+/// Endings of the mesh files that are written, in lower case.
+pub fn written_mesh_endings() -> impl Iterator<Item = &'static str> {
+    FORMATS.iter().map(|format| format.ending)
+}
+
+/// They as a list with dots and notes, as in ".stl (binary), .ply (binary), .obj"; `last` stands before the last one.
+pub fn listed_mesh_endings(last: &str) -> String {
+    listed(FORMATS.iter().map(|MeshFormat { ending, note, .. }| format!(".{ending}{note}")), last)
+}
+
+/// Endings of those whose vertices may have normals, as such a list.
+fn listed_endings_with_normals(last: &str) -> String {
+    let with_normals = FORMATS.iter().filter(|format| format.has_normals);
+    listed(with_normals.map(|format| format!(".{}", format.ending)), last)
+}
+
+fn listed(all: impl Iterator<Item = String>, last: &str) -> String {
+    let mut all: Vec<String> = all.collect();
+    let end = all.pop().unwrap_or_default();
+    format!("{}{last}{end}", all.join(", "))
+}
 
 /// A sink for a mesh file by the ending of its name: binary STL, binary little-endian PLY with shared
 /// vertices, OBJ, 3MF, or binary glTF (GLB). The file is written as `<name>.part` beside `path`, and made durable and
@@ -151,7 +196,7 @@ const ENDINGS_WITH_NORMALS: &str = ".ply, .obj, .glb";
 ///
 /// [`Error::Setting`] for an unknown ending, [`Error::Io`] if the file cannot be made.
 pub fn create_sink(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>> {
-    let Format { begin, .. } = format_of(path)?;
+    let MeshFormat { begin, .. } = format_of(path)?;
     begin(PartFile::create(path)?, metres, false)
 }
 
@@ -164,52 +209,26 @@ pub fn create_sink(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>
 /// [`Error::Setting`] for an unknown ending and for STL and 3MF, whose vertices have no normals, [`Error::Io`] if the file
 /// cannot be made.
 pub fn create_sink_with_normals(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>> {
-    let Format { begin, has_normals } = format_of(path)?;
+    let MeshFormat { begin, has_normals, .. } = format_of(path)?;
     if !has_normals {
         return Err(Error::setting(
             format!("{}: the vertices of this format have no normals", path.display()),
-            format!("leave them out, or choose a name that ends in one of {ENDINGS_WITH_NORMALS}"),
+            format!(
+                "leave them out, or choose a name that ends in one of {}",
+                listed_endings_with_normals(", ")
+            ),
         ));
     }
     begin(PartFile::create(path)?, metres, true)
 }
 
-/// Begins a mesh in a file, in units of so many metres, whose vertices have normals or not.
-type Begin = fn(PartFile, Option<f64>, bool) -> Result<Box<dyn MeshSink>>;
-
-/// How files of a format begin.
-struct Format {
-    begin: Begin,
-    /// Whether vertices can have normals.
-    has_normals: bool,
-}
-
-fn format_of(path: &Path) -> Result<Format> {
+fn format_of(path: &Path) -> Result<&'static MeshFormat> {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    Ok(match ending.as_str() {
-        "stl" => Format { begin: |file, _, _| Ok(Box::new(stl::StlSink::new(file)?)), has_normals: false },
-        "ply" => Format {
-            begin: |file, _, normals| Ok(Box::new(ply::PlySink::new(file, normals)?)),
-            has_normals: true,
-        },
-        "obj" => Format {
-            begin: |file, _, normals| Ok(Box::new(obj::ObjSink::new(file, normals)?)),
-            has_normals: true,
-        },
-        "3mf" => Format {
-            begin: |file, metres, _| Ok(Box::new(three_mf::ThreeMfSink::new(file, metres)?)),
-            has_normals: false,
-        },
-        "glb" => Format {
-            begin: |file, metres, normals| Ok(Box::new(glb::GlbSink::new(file, metres, normals)?)),
-            has_normals: true,
-        },
-        _ => {
-            return Err(Error::setting(
-                format!("{}: unknown mesh format", path.display()),
-                format!("choose a name that ends in one of {ENDINGS}"),
-            ));
-        }
+    FORMATS.iter().find(|format| format.ending == ending).ok_or_else(|| {
+        Error::setting(
+            format!("{}: unknown mesh format", path.display()),
+            format!("choose a name that ends in one of {}", listed_mesh_endings(", ")),
+        )
     })
 }
 
@@ -528,7 +547,7 @@ mod tests {
     fn every_call_may_fail_and_the_power_go() {
         let plain = FORMATS.map(|format| (format, false));
         for (format, normals) in plain.into_iter().chain(FORMATS_WITH_NORMALS.map(|format| (format, true))) {
-            let Format { begin, has_normals } = format_of(Path::new(format)).unwrap();
+            let &MeshFormat { begin, has_normals, .. } = format_of(Path::new(format)).unwrap();
             assert!(has_normals || !normals);
             // Enough for several writes.
             let many = vec![facets(); 1000].concat();

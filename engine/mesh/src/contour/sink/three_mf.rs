@@ -4,6 +4,7 @@ use super::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, folde
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::io::{self, Seek, SeekFrom, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use zip::CompressionMethod;
@@ -97,7 +98,8 @@ impl ThreeMfSink {
         self.write(content.as_bytes())
     }
 
-    fn write(&mut self, bytes: &[u8]) -> Result<()> {
+    /// Writes a part of the model.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let written = self.zip.as_mut().map_or(Ok(()), |zip| zip.write_all(bytes));
         self.checked(written)
     }
@@ -106,6 +108,23 @@ impl ThreeMfSink {
     fn checked(&self, done: io::Result<()>) -> Result<()> {
         let failed = self.archive.output().failed.take();
         failed.map_or(done, Err).map_err(Error::io(&self.path, "write"))
+    }
+
+    /// Places the objects of these numbers and finishes the file.
+    pub(super) fn finish_objects(&mut self, objects: Range<usize>) -> Result<()> {
+        let s = self.scale;
+        let transform = match s == 1.0 {
+            true => String::new(),
+            false => format!(" transform=\"{s} 0 0 0 {s} 0 0 0 {s} 0 0 0\""),
+        };
+        let items: String =
+            objects.map(|object| format!("<item objectid=\"{object}\"{transform}/>\n")).collect();
+        let build =
+            if items.is_empty() { "<build/>\n".to_owned() } else { format!("<build>\n{items}</build>\n") };
+        self.write(format!("</resources>\n{build}</model>\n").as_bytes())?;
+        let finished = self.zip.take().map_or(Ok(()), |zip| zip.finish().map(drop));
+        self.checked(finished.map_err(io::Error::from))?;
+        self.archive.output().file.finish()
     }
 
     /// Writes what stands between the parts of the model up to this one.
@@ -121,7 +140,8 @@ impl ThreeMfSink {
     }
 }
 
-fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
+/// Appends the elements of vertices.
+pub(super) fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     bytes.reserve(positions.len() * LINE_BYTES);
     for [x, y, z] in positions {
         // The shortest digits that read back as the same f32. Writing to memory cannot fail.
@@ -129,7 +149,8 @@ fn write_vertices(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
     }
 }
 
-fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
+/// Appends the elements of triangles.
+pub(super) fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
     bytes.reserve(triangles.len() * LINE_BYTES);
     for [a, b, c] in triangles {
         let _ = writeln!(bytes, r#"<triangle v1="{a}" v2="{b}" v3="{c}"/>"#);
@@ -170,22 +191,11 @@ impl MeshSink for ThreeMfSink {
     }
 
     fn finish(&mut self) -> Result<()> {
-        let s = self.scale;
-        let build = match (self.section, s == 1.0) {
-            (Section::Nothing, _) => "</resources>\n<build/>\n</model>\n".to_owned(),
-            (_, true) => "<item objectid=\"1\"/>".to_owned(),
-            (_, false) => format!("<item objectid=\"1\" transform=\"{s} 0 0 0 {s} 0 0 0 {s} 0 0 0\"/>"),
-        };
-        let end = match self.section {
-            Section::Nothing => build,
-            _ => format!(
-                "</triangles>\n</mesh>\n</object>\n</resources>\n<build>\n{build}\n</build>\n</model>\n"
-            ),
-        };
-        self.write(end.as_bytes())?;
-        let finished = self.zip.take().map_or(Ok(()), |zip| zip.finish().map(drop));
-        self.checked(finished.map_err(io::Error::from))?;
-        self.archive.output().file.finish()
+        if self.section == Section::Nothing {
+            return self.finish_objects(1..1);
+        }
+        self.write(b"</triangles>\n</mesh>\n</object>\n")?;
+        self.finish_objects(1..2)
     }
 }
 
