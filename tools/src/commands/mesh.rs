@@ -1,6 +1,7 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
 use super::mesh_check::{CheckOutcome, require_sound};
+use super::mesh_close::{ClosedStore, MeshClosing};
 use super::mesh_detail::{self, MeshDetail};
 use super::mesh_shells::{self, ShellChoice, Shells};
 use super::{of_store, open_store, require_level, start};
@@ -45,6 +46,9 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         mesh_detail::check(&args)?;
     }
     mesh_shells::check(&args)?;
+    if args.close.is_some() && !is_coarse && iso != BOUNDARY {
+        return Err(Failure::Usage(format!("--iso {iso}: --close is of the boundary, where w = 0.5")));
+    }
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
     let store = match is_store(&args.file) {
@@ -63,36 +67,41 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     require_distinct(&[output], &[&args.file])?;
     tell_left_behind(output, args.work.quiet);
-    if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
-        require_mesh_space(&store, output, (iso, args.level), args.work.quiet)?;
-    }
     let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?;
+    let closed = args.close.map(|length| ClosedStore::of(&store, length, output, cache_bytes, &bars));
+    let closed = closed.transpose()?;
+    let closing = closed.as_ref().map(|closed| closed.told);
+    let store = closed.as_ref().map_or(&store, |closed| &closed.store);
+    if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
+        require_mesh_space(store, output, (iso, args.level), args.work.quiet)?;
+    }
     if is_coarse {
-        return run_coarse(&args, &store, output, sink.as_mut(), (cache_bytes, brick_bytes), &bars);
+        return run_coarse((&args, closing), store, output, sink.as_mut(), (cache_bytes, brick_bytes), &bars);
     }
     let options = ContourOptions {
         iso,
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
-        tolerance: tolerance_in(args.tolerance, &store)?,
+        tolerance: tolerance_in(args.tolerance, store)?,
         intersection_free: args.intersection_free,
         method: args.method.into(),
         follow_creases: args.follow_creases,
         temp_dir: args.temp_dir.clone(),
     };
-    let report = if mesh_shells::is_asked(&args) {
-        write_shells(&args, (&store, &store), &options, (output, sink.as_mut()), cache_bytes / 2, &bars)?
+    let mut report = if mesh_shells::is_asked(&args) {
+        write_shells(&args, (store, store), &options, (output, sink.as_mut()), cache_bytes / 2, &bars)?
     } else {
-        let mut report = write_mesh(&store, &options, output, sink.as_mut(), &bars)?;
-        report.compare(&store, &options, &bars)?;
+        let mut report = write_mesh(store, &options, output, sink.as_mut(), &bars)?;
+        report.compare(store, &options, &bars)?;
         report
     };
-    finish(&args, &store, output, report, &bars)
+    report.closing = closing;
+    finish(&args, store, output, report, &bars)
 }
 
 /// Writes a mesh of the fractions of solid in coarse cells.
 fn run_coarse(
-    args: &MeshArgs,
+    (args, closing): (&MeshArgs, Option<MeshClosing>),
     store: &Store,
     output: &Path,
     sink: &mut dyn MeshSink,
@@ -135,6 +144,7 @@ fn run_coarse(
     report.iso = made.kept.fraction;
     report.cell = made.lattice.cell();
     report.detail = Some(detail);
+    report.closing = closing;
     report.seconds = started.elapsed().as_secs_f64();
     finish(args, store, output, report, bars)
 }
@@ -311,6 +321,9 @@ pub struct MeshReport {
     /// Edge of the largest cells that the boundary passes; 0 where nothing is expected.
     #[serde(skip)]
     cell: f64,
+    /// What was filled before, if that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    closing: Option<MeshClosing>,
     /// Of a mesh of fractions.
     #[serde(skip_serializing_if = "Option::is_none")]
     detail: Option<MeshDetail>,
@@ -417,6 +430,7 @@ impl MeshReport {
             "{output}: {triangles} triangles, {vertices} vertices, area {area:.6} {unit}², volume {volume:.6} \
              {unit}³, {seconds:.2} s"
         );
+        text.extend(self.closing.iter().map(|closing| closing.text(unit)));
         text.extend(self.expected_text());
         let shells = self.shells.unwrap_or_default();
         text.extend(self.detail.iter().map(|detail| detail.text(&shells, unit)));
@@ -497,6 +511,7 @@ fn write_tree(
         seconds: started.elapsed().as_secs_f64(),
         expected: None,
         cell: 0.0,
+        closing: None,
         detail: None,
         shells: None,
         quality: None,
