@@ -68,6 +68,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     require_distinct(&[output], &[&args.file])?;
     tell_left_behind(output, args.work.quiet);
     let mut sink = mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?;
+    let started = Instant::now();
     let closed = args.close.map(|length| ClosedStore::of(&store, length, output, cache_bytes, &bars));
     let closed = closed.transpose()?;
     let closing = closed.as_ref().map(|closed| closed.told);
@@ -76,7 +77,14 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         require_mesh_space(store, output, (iso, args.level), args.work.quiet)?;
     }
     if is_coarse {
-        return run_coarse((&args, closing), store, output, sink.as_mut(), (cache_bytes, brick_bytes), &bars);
+        return run_coarse(
+            (&args, closing, started),
+            store,
+            output,
+            sink.as_mut(),
+            (cache_bytes, brick_bytes),
+            &bars,
+        );
     }
     let options = ContourOptions {
         iso,
@@ -95,20 +103,21 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         report.compare(store, &options, &bars)?;
         report
     };
-    report.closing = closing;
+    if closing.is_some() {
+        (report.closing, report.seconds) = (closing, started.elapsed().as_secs_f64());
+    }
     finish(&args, store, output, report, &bars)
 }
 
 /// Writes a mesh of the fractions of solid in coarse cells.
 fn run_coarse(
-    (args, closing): (&MeshArgs, Option<MeshClosing>),
+    (args, closing, started): (&MeshArgs, Option<MeshClosing>, Instant),
     store: &Store,
     output: &Path,
     sink: &mut dyn MeshSink,
     (cache_bytes, brick_bytes): (u64, u64),
     bars: &Bars,
 ) -> Result<(), Failure> {
-    let started = Instant::now();
     // Fractions take what contouring leaves.
     let options = mesh_detail::options_of(args, store, (cache_bytes / 4) as usize)?;
     let memory = cache_bytes - cache_bytes / 4 - brick_bytes;

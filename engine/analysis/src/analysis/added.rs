@@ -119,3 +119,50 @@ fn compare(
     })?;
     Ok(apart)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::brick::{Hermite, OctNormal, Samples};
+    use crate::lattice::RootCube;
+    use crate::store::MemoryTree;
+
+    /// A tree of one brick whose samples below a height are inside, but for those of a column, `hole`, from 5 up.
+    fn tree(height: usize, hole: Option<[usize; 2]>) -> MemoryTree {
+        let edge = 1.0;
+        let root = RootCube { origin: [0.0; 3], edge };
+        let is_inside = |[x, y, z]: [usize; 3]| z < height && (z < 5 || hole != Some([x, y]));
+        let mut samples = Samples::filled(0);
+        let at = |n: usize| [n % 33, n / 33 % 33, n / 33 / 33];
+        samples.0.iter_mut().enumerate().for_each(|(n, s)| *s = i16::from(is_inside(at(n))));
+        let signs = SignChanges::of(&samples);
+        let mut hermite = Hermite::default();
+        for axis in Axis::ALL {
+            signs.for_edges(axis, |low| {
+                let mut normal = [0; 3];
+                normal[axis.index()] = if is_inside(low) { 1 } else { -1 };
+                let edge = HermiteEdge { offset: 1 << 15, normal: OctNormal::from_integer(normal) };
+                hermite.edges[axis.index()].push(edge);
+            });
+        }
+        let mut tree = MemoryTree::new(root);
+        tree.insert(NodeKey::ROOT, true, Brick::from_samples(samples, hermite));
+        tree
+    }
+
+    #[test]
+    fn what_is_filled_is_told_and_what_is_shared_is_no_error() {
+        let progress = crate::progress::Silent;
+        let cell = tree(9, None).root().spacing(0).powi(3);
+        let (same, no_error) = volume_added(&tree(9, None), &tree(9, None), &progress).unwrap();
+        assert_eq!((same, no_error), (0.0, 0.0));
+        // A hole of one column and four samples, and half a cell to each side.
+        let (volume, error) = volume_added(&tree(9, Some([7, 8])), &tree(9, None), &progress).unwrap();
+        assert!((volume / cell - 4.0).abs() < 0.1 && error > 0.0 && error < 12.0 * cell, "{volume} {error}");
+        // A layer more.
+        let (volume, error) = volume_added(&tree(9, None), &tree(10, None), &progress).unwrap();
+        assert!((volume / cell - 1024.0).abs() < 1e-6 && error < 2.0 * 1024.0 * cell, "{volume} {error}");
+        let (volume, _) = volume_added(&tree(10, None), &tree(9, None), &progress).unwrap();
+        assert!((volume / cell + 1024.0).abs() < 1e-6);
+    }
+}

@@ -167,9 +167,22 @@ impl<'a> OffsetField<'a> {
         let middle = first.map(|c| c + (size / 2) as f64);
         let reach = 0.5 * 3f64.sqrt() * size as f64 + CERTAIN;
         let foot = self.closest(middle, f64::INFINITY)?;
-        let inside = self.sides.inside(middle, foot.distance, foot.inside)?;
-        let (value, _) = self.field(&foot, middle, inside);
-        Ok((value.abs() > reach).then_some(value < 0.0))
+        let is_far = foot.distance > FAR;
+        let inside = if is_far { self.sides.sample(middle.map(|c| c.round() as i64))? } else { None };
+        Ok(self.agreed(&foot, middle, inside, reach))
+    }
+
+    /// Whether all within a reach of a place is solid, or none of it. Where it is not known whether the place is in the part,
+    /// what its foot says may be wrong, at corners that no cell resolves; then both must come to the same.
+    fn agreed(&self, foot: &Foot, from: [f64; 3], inside: Option<bool>, reach: f64) -> Option<bool> {
+        let of = |inside: bool| {
+            let (value, _) = self.field(foot, from, inside);
+            (value.abs() > reach).then_some(value < 0.0)
+        };
+        match inside {
+            Some(inside) => of(inside),
+            None => of(true).filter(|solid| of(false) == Some(*solid)),
+        }
     }
 
     /// The samples of the brick whose first one is this of the old lattice.
@@ -253,15 +266,11 @@ impl Block<'_> {
         let here = std::array::from_fn(|a| corner[a] + middle[a]);
         let reach = samples.reach();
         let foot = self.grown.closest(here, within)?;
-        // Farther than all of the box there is no surface between its samples.
-        let sample = if foot.distance > reach + CERTAIN { self.inside(low) } else { None };
-        let inside = match &self.part {
-            DeepBrick::All(inside) => *inside,
-            _ => sample.unwrap_or(foot.inside),
-        };
-        let (value, _) = self.grown.field(&foot, here, inside);
-        if value.abs() > reach + CERTAIN {
-            samples.fill(&mut self.values, if value < 0.0 { f32::NEG_INFINITY } else { f32::INFINITY });
+        // That far from the surface the sample beside is on the same side.
+        let beside = middle.map(|c| c as usize);
+        let inside = if foot.distance > FAR { self.inside(beside) } else { None };
+        if let Some(is_solid) = self.grown.agreed(&foot, here, inside, reach + CERTAIN) {
+            samples.fill(&mut self.values, if is_solid { f32::NEG_INFINITY } else { f32::INFINITY });
             return Ok(());
         }
         for half in samples.halves() {
