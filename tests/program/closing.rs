@@ -45,6 +45,7 @@ fn voids_and_channels_that_no_ball_enters_are_filled() {
     let [volume, error] = ["volume", "volume_error"].map(|name| json["closing"][name].as_f64().unwrap());
     let more = report.signed_volume - truth("void_ladder", "volume");
     assert!(error < 3.0 && (more - volume).abs() < error + 1.0, "{more} {volume} ± {error}");
+    let store = dir.store("void_ladder", 2);
     let text = run(&[&"mesh", &store, &"-o", &out, &"--close", &"2.2mm", &"--detail", &"1mm"]).ok();
     assert!(text.contains("where no ball of 2.2 mm enters; enclosed voids: 6 ("), "{text}");
 }
@@ -90,15 +91,20 @@ fn closed_beads_are_sound_and_threads_change_no_byte() {
     let store = dir.path("a.brf");
     run(&[&"build", &example("clover.gcode"), &"-o", &store, &"--cell", &"0.57mm", &"-q"])
         .ok_but_for("% empty");
+    closed(&store, &dir.path("b.ply"), &["--close", "1.6mm"]);
+    let coarse = dir.path("c.brf");
+    run(&[&"build", &example("clover.gcode"), &"-o", &coarse, &"--cell", &"1.2mm", &"-q"])
+        .ok_but_for("% empty");
     let made = ["1", "2"].map(|threads| {
         let out = dir.path(&format!("{threads}.ply"));
-        closed(&store, &out, &["--close", "1.6mm", "--threads", threads]);
+        closed(&coarse, &out, &["--close", "2.6mm", "--threads", threads]);
         std::fs::read(&out).unwrap()
     });
     assert!(made[0] == made[1]);
-    let json = closed(&store, &dir.path("b.stl"), &["--close", "1.6mm", "--triangles", "3000", "--outer"]);
+    let words = ["--close", "2.6mm", "--triangles", "3000", "--outer"];
+    let json = closed(&coarse, &dir.path("b.stl"), &words);
     assert!((2700..=3000).contains(&json["triangles"].as_u64().unwrap()), "{json}");
-    assert_eq!(dir.names().len(), 4, "{:?}", dir.names());
+    assert_eq!(dir.names().len(), 6, "{:?}", dir.names());
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::closest::TriangleIndex;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::MeshArrays;
 use crate::error::Result;
-use crate::lattice::{Axis, NodeKey, RootCube};
+use crate::lattice::{Axis, NodeKey, RootCube, dot, minus};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
 use std::collections::BTreeMap;
@@ -146,13 +146,12 @@ fn from_mesh(
     let mut nearest = vec![reach; points.len()];
     let make = |leaf: &Leaf<'_>| {
         let asked = &by_leaf[&read[leaf.number]];
-        let mut found = vec![reach; asked.len()];
+        let mut found: Vec<Found> =
+            asked.iter().map(|&n| Found::new(points[n as usize], reach, disc)).collect();
         for_crossings(tree.root(), leaf, |at, normal| {
-            for (found, &n) in found.iter_mut().zip(asked) {
-                *found = found.min(from_disc(points[n as usize], (at, normal), disc));
-            }
+            found.iter_mut().for_each(|found| found.see(at, normal))
         });
-        Ok(found)
+        Ok(found.into_iter().map(|found| found.distance).collect())
     };
     visit(tree, &keys, progress, make, |number, found: Vec<f64>| {
         for (found, &n) in found.into_iter().zip(&by_leaf[&read[number]]) {
@@ -168,13 +167,35 @@ fn from_mesh(
         .collect())
 }
 
-/// How far a point is from the disc of this radius about a crossing.
-fn from_disc(point: [f64; 3], (at, normal): ([f64; 3], [f64; 3]), radius: f64) -> f64 {
-    let apart: [f64; 3] = std::array::from_fn(|a| point[a] - at[a]);
-    let along: f64 = (0..3).map(|a| apart[a] * normal[a]).sum();
-    let square: f64 = apart.iter().map(|c| c * c).sum();
-    let beside = ((square - along * along).max(0.0).sqrt() - radius).max(0.0);
-    along.hypot(beside)
+/// How far a point is from discs of some radius about crossings.
+struct Found {
+    point: [f64; 3],
+    radius: f64,
+    distance: f64,
+    /// Square of the distance from which on discs are no nearer.
+    far: f64,
+}
+
+impl Found {
+    fn new(point: [f64; 3], reach: f64, radius: f64) -> Found {
+        Found { point, radius, distance: reach, far: (reach + radius).powi(2) }
+    }
+
+    /// Looks at the disc about a crossing.
+    #[inline]
+    fn see(&mut self, at: [f64; 3], normal: [f64; 3]) {
+        let apart = minus(self.point, at);
+        let square = dot(apart, apart);
+        if square >= self.far {
+            return;
+        }
+        let along = dot(apart, normal);
+        let beside = ((square - along * along).max(0.0).sqrt() - self.radius).max(0.0);
+        let distance = (along * along + beside * beside).sqrt();
+        if distance < self.distance {
+            *self = Found::new(self.point, distance, self.radius);
+        }
+    }
 }
 
 /// The leaves that the surface passes and that come as near to a point as `reach`.

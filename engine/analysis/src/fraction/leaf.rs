@@ -1,6 +1,7 @@
 //! What one leaf adds to the samples of a coarse lattice: chords of solid between exact crossings, along all three axes.
 
 use super::kernel::{rises, tent};
+use super::sharp::LeafPlanes;
 use crate::analysis::share_beside;
 use crate::brick::{Brick, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
@@ -18,13 +19,13 @@ pub(super) struct SumBox {
 type Weights = Vec<(usize, f64)>;
 
 /// A leaf on the coarse lattice: along each axis where it begins and what weight each of its lines of samples has.
-struct Plan {
-    first: [i64; 3],
-    size: [usize; 3],
+pub(super) struct Plan {
+    pub first: [i64; 3],
+    pub size: [usize; 3],
     /// Its first sample in coarse cells.
-    base: [f64; 3],
+    pub base: [f64; 3],
     /// A cell of its own in coarse cells.
-    step: f64,
+    pub step: f64,
     /// Where a sample stands for more than one of the finest spacing, the one of the apron has a share, too.
     lines: [Vec<Weights>; 3],
 }
@@ -80,6 +81,13 @@ fn weights(begin: usize, n: usize, fine: usize, factor: f64, first: i64) -> Weig
         (0..fine).for_each(|i| add(own + i, 1.0 - i as f64 / fine as f64));
     }
     found
+}
+
+/// What a leaf knows of the planes around coarse samples.
+pub(super) fn planes(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> LeafPlanes {
+    let fine = 1usize << (finest - key.level());
+    let begins = key.first_sample().map(|n| n as usize * fine);
+    LeafPlanes::of(&Plan::new(key, finest, factor), begins, fine, factor as usize, brick)
 }
 
 /// What a leaf adds; `None` where it has no solid.
