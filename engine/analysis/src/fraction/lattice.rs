@@ -16,6 +16,8 @@ const OWN: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
 pub(super) const FULL: u16 = u16::MAX;
 /// Coarse samples before the tree's first one: the tent reaches one beyond it, and samples at the root's faces are outside.
 pub(super) const BEFORE: i64 = 2;
+/// The share of samples beside the surface at which planes agree, of a part with sharp edges.
+const LEAST_AGREEING: f64 = 0.5;
 /// Sums that are as near to none or all as this are that, and rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -51,8 +53,10 @@ pub struct Lattice {
     sum: f64,
     /// By fraction as stored, [`depth`].
     depths: Box<[f32]>,
-    /// What samples that are the part's stand for, in cells.
-    fixed: f64,
+    /// At how many samples planes of the fine level agree, and at how many they do not.
+    agreeing: [u64; 2],
+    /// By fraction as stored, how many of the samples at which planes agree have it.
+    exact_counts: Box<[u64]>,
     /// By fraction as stored, how many of the others have it.
     counts: Box<[u64]>,
 }
@@ -74,7 +78,7 @@ impl Lattice {
         let origin = first.map(|c| c - BEFORE as f64 * cell - unit);
         let depths = (0..=u16::MAX).map(|f| depth(f64::from(f) / f64::from(FULL)) as f32).collect();
         let root = RootCube { origin, edge };
-        let counts = vec![0; usize::from(FULL) + 1].into();
+        let counts: Box<[u64]> = vec![0; usize::from(FULL) + 1].into();
         Ok(Lattice {
             factor,
             root,
@@ -84,7 +88,8 @@ impl Lattice {
             open_sharp: BTreeMap::new(),
             sharp: BTreeMap::new(),
             sum: 0.0,
-            fixed: 0.0,
+            agreeing: [0; 2],
+            exact_counts: counts.clone(),
             depths,
             counts,
         })
@@ -150,6 +155,15 @@ impl Lattice {
         depths
     }
 
+    /// Whether planes agree at so many samples that those are the part's, as of CAD parts. Beads have some flat faces as well;
+    /// these would lie beside what moves with the level.
+    fn is_sharp(&self) -> bool {
+        let [agreeing, others] = self.agreeing;
+            eprintln!("share {} {}", self.factor, agreeing as f64 / (agreeing + others) as f64);
+        }
+        agreeing as f64 >= LEAST_AGREEING * (agreeing + others) as f64
+    }
+
     /// Gives samples that are the part's their sides, of a brick and its apron.
     pub(super) fn sharpen(&self, key: NodeKey, signs: &mut SignChanges) {
         for octant in Octant::all() {
@@ -183,15 +197,20 @@ impl Lattice {
 
     /// Of the brick that lies so many bricks ahead along each axis.
     fn sharp_ahead(&self, key: NodeKey, ahead: [usize; 3]) -> Option<&Sharp> {
+        if !self.is_sharp() {
+            return None;
+        }
         key.neighbour(ahead.map(|c| c as i32)).and_then(|key| self.sharp.get(&key))
     }
 
     /// About the volume within the surface at a depth, in the cube of the tree's unit: each sample stands for a cell, or for
     /// part of one at the surface.
     pub(super) fn volume_within(&self, at: f64) -> f64 {
-        let samples =
-            self.depths.iter().zip(&self.counts).map(|(&depth, &count)| part(depth, at) * count as f64);
-        (samples.sum::<f64>() + self.fixed) * self.cell().powi(3)
+        let sum = |counts: &[u64], at: f64| {
+            self.depths.iter().zip(counts).map(|(&depth, &count)| part(depth, at) * count as f64).sum::<f64>()
+        };
+        let exact = sum(&self.exact_counts, if self.is_sharp() { 0.0 } else { at });
+        (sum(&self.counts, at) + exact) * self.cell().powi(3)
     }
 
     /// Heap bytes of all bricks.
@@ -237,13 +256,15 @@ impl Lattice {
             self.sum += sums.iter().sum::<f64>();
             let fractions: Box<[u16]> = sums.iter().map(|&sum| stored(sum)).collect();
             let position = key.position().map(i64::from);
-            let sharp = self.open_sharp.remove(&position).and_then(OpenSharp::complete);
+            let sharp = self.open_sharp.remove(&position).and_then(|open| {
+                let agreeing = open.agreeing();
+                self.agreeing = [0, 1].map(|n| self.agreeing[n] + agreeing[n]);
+                open.complete()
+            });
             for (place, &f) in fractions.iter().enumerate() {
-                if sharp.as_ref().is_some_and(|sharp| sharp.is_exact(place)) {
-                    self.fixed += part(self.depths[usize::from(f)], 0.0);
-                } else {
-                    self.counts[usize::from(f)] += 1;
-                }
+                let is_exact = sharp.as_ref().is_some_and(|sharp| sharp.is_exact(place));
+                let counts = if is_exact { &mut self.exact_counts } else { &mut self.counts };
+                counts[usize::from(f)] += 1;
             }
             if fractions.iter().all(|&f| f == FULL) {
                 self.bricks.insert(key, CoarseBrick::Full);

@@ -207,6 +207,12 @@ pub(super) struct Sharp {
 }
 
 impl OpenSharp {
+    /// At how many samples planes agree, and at how many they do not.
+    pub fn agreeing(&self) -> [u64; 2] {
+        let agreeing = self.planes.values().filter(|planes| planes.agree()).count() as u64;
+        [agreeing, self.planes.len() as u64 - agreeing]
+    }
+
     /// All that leaves have added; `None` if nowhere planes agree.
     pub fn complete(mut self) -> Option<Sharp> {
         let mut rows: BTreeMap<u16, [u32; 2]> = BTreeMap::new();
