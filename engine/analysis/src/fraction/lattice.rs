@@ -159,8 +159,6 @@ impl Lattice {
     /// these would lie beside what moves with the level.
     fn is_sharp(&self) -> bool {
         let [agreeing, others] = self.agreeing;
-            eprintln!("share {} {}", self.factor, agreeing as f64 / (agreeing + others) as f64);
-        }
         agreeing as f64 >= LEAST_AGREEING * (agreeing + others) as f64
     }
 
