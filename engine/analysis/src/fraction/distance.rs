@@ -15,6 +15,8 @@ const POINTS: usize = 5_000;
 const LEAVES: usize = 256;
 /// Leaves around the points of the mesh that are read at most.
 const LEAVES_AROUND: usize = 4096;
+/// A prime beyond [`POINTS`], which scatters numbers below that.
+const SCATTER: usize = 7919;
 
 /// Distances of points of one surface from the other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -124,22 +126,17 @@ fn from_mesh(
         .map(|[p, q, r]| std::array::from_fn(|a| (p[a] + q[a] + r[a]) / 3.0))
         .collect();
     let mut by_leaf: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
-    for (n, point) in points.iter().enumerate() {
-        for leaf in leaves_around(tree, order, *point, reach) {
-            by_leaf.entry(leaf).or_default().push(n as u32);
+    let mut is_whole = vec![false; points.len()];
+    // Points all over the mesh count, as long as their leaves are few enough to be read.
+    for n in (0..points.len()).map(|k| k * SCATTER % points.len()) {
+        let leaves = leaves_around(tree, order, points[n], reach);
+        let more = leaves.iter().filter(|leaf| !by_leaf.contains_key(leaf)).count();
+        is_whole[n] = by_leaf.is_empty() || by_leaf.len() + more <= LEAVES_AROUND;
+        if is_whole[n] {
+            leaves.into_iter().for_each(|leaf| by_leaf.entry(leaf).or_default().push(n as u32));
         }
     }
-    // Points whose leaves are all read count.
-    let mut read: Vec<usize> = by_leaf.keys().copied().collect();
-    if read.len() > LEAVES_AROUND {
-        read = (0..LEAVES_AROUND).map(|n| read[n * read.len() / LEAVES_AROUND]).collect();
-    }
-    let mut is_whole = vec![true; points.len()];
-    for (leaf, of_leaf) in &by_leaf {
-        if read.binary_search(leaf).is_err() {
-            of_leaf.iter().for_each(|&n| is_whole[n as usize] = false);
-        }
-    }
+    let read: Vec<usize> = by_leaf.keys().copied().collect();
     let keys: Vec<NodeKey> = read.iter().map(|&leaf| order.keys()[leaf]).collect();
     progress.phase("distances", Some(keys.len() as u64), "bricks");
     let disc = 0.87 * tree.root().spacing(tree.deepest_level());

@@ -165,7 +165,7 @@ impl Lattice {
     /// Gives samples that are the part's their sides, of a brick and its apron.
     pub(super) fn sharpen(&self, key: NodeKey, signs: &mut SignChanges) {
         for octant in Octant::all() {
-            let ahead = octant.offset().map(|c| c as usize);
+            let ahead = octant.offset();
             let Some(sharp) = self.sharp_ahead(key, ahead) else { continue };
             let range = |a: usize| if ahead[a] == 1 { BRICK_CELLS..BRICK_CELLS + 1 } else { 0..BRICK_CELLS };
             for (k, j) in range(2).flat_map(|k| range(1).map(move |j| (k, j))) {
