@@ -1,8 +1,8 @@
 //! A coarse lattice with the fraction of solid around each sample, brick by brick.
 
-use super::kernel::depth;
-use super::leaf::{SumBox, block, planes};
-use super::sharp::{self, LeafPlanes, OpenSharp, Sharp};
+use super::kernel::{BEFORE, depth};
+use super::leaf::{SumBox, block};
+use super::sharp::{self, LeafPlanes, OpenSharp, Sharp, planes};
 use crate::brick::{HermiteEdge, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, RootCube};
@@ -14,8 +14,6 @@ use std::collections::{BTreeMap, BTreeSet};
 const OWN: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
 /// The greatest fraction as stored: all solid.
 pub(super) const FULL: u16 = u16::MAX;
-/// Coarse samples before the tree's first one: the tent reaches one beyond it, and samples at the root's faces are outside.
-pub(super) const BEFORE: i64 = 2;
 /// The share of samples beside the surface at which planes agree, of a part with sharp edges.
 const LEAST_AGREEING: f64 = 0.5;
 /// Sums that are as near to none or all as this are that, and rounding.

@@ -1,7 +1,6 @@
 //! What one leaf adds to the samples of a coarse lattice: chords of solid between exact crossings, along all three axes.
 
 use super::kernel::{rises, tent};
-use super::sharp::LeafPlanes;
 use crate::analysis::share_beside;
 use crate::brick::{Brick, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
@@ -32,7 +31,7 @@ pub(super) struct Plan {
 
 impl Plan {
     /// Of a leaf of a tree whose finest level is `finest`, `factor` of whose cells are one coarse cell.
-    fn new(key: NodeKey, finest: u8, factor: u32) -> Plan {
+    pub fn new(key: NodeKey, finest: u8, factor: u32) -> Plan {
         let fine = 1usize << (finest - key.level());
         let begins = key.first_sample().map(|n| n as usize * fine);
         let factor_wide = f64::from(factor);
@@ -81,13 +80,6 @@ fn weights(begin: usize, n: usize, fine: usize, factor: f64, first: i64) -> Weig
         (0..fine).for_each(|i| add(own + i, 1.0 - i as f64 / fine as f64));
     }
     found
-}
-
-/// What a leaf knows of the planes around coarse samples.
-pub(super) fn planes(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> LeafPlanes {
-    let fine = 1usize << (finest - key.level());
-    let begins = key.first_sample().map(|n| n as usize * fine);
-    LeafPlanes::of(&Plan::new(key, finest, factor), begins, fine, factor as usize, brick)
 }
 
 /// What a leaf adds; `None` where it has no solid.

@@ -1,10 +1,10 @@
 //! Where the crossings of the fine level around a coarse sample agree on a few planes: there its side and its crossings are
 //! those of the part, so that edges of the part stay sharp.
 
-use super::lattice::BEFORE;
+use super::kernel::BEFORE;
 use super::leaf::Plan;
 use crate::brick::{Brick, HermiteEdge, SignChanges};
-use crate::lattice::{Axis, BRICK_CELLS, dot};
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey, dot};
 use std::collections::BTreeMap;
 
 /// Planes that may meet at a corner.
@@ -167,6 +167,13 @@ impl LeafPlanes {
             self.planes.push((std::array::from_fn(|a| plan.first[a] + place[a] as i64), planes));
         }
     }
+}
+
+/// What a leaf knows of the planes around coarse samples.
+pub(super) fn planes(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> LeafPlanes {
+    let fine = 1usize << (finest - key.level());
+    let begins = key.first_sample().map(|n| n as usize * fine);
+    LeafPlanes::of(&Plan::new(key, finest, factor), begins, fine, factor as usize, brick)
 }
 
 /// What is known of a brick of coarse samples while leaves add to it.
