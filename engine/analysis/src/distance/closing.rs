@@ -3,7 +3,7 @@
 //! The part is grown by the radius of the ball, and what is deeper in the grown part than the radius is solid. Where that is
 //! the part alone, its crossings stay as they were.
 
-use super::offset::{Block, OffsetField, Solid, offset};
+use super::offset::{OffsetBrick, OffsetField, Solid, offset};
 use super::sides::{DeepBrick, Sides};
 use super::surface::Surface;
 use crate::brick::{Brick, Hermite, HermiteEdge, Samples, SignChanges, point_index};
@@ -71,7 +71,7 @@ fn require_finest(store: &Store) -> Result<()> {
     if store.keys().iter().any(is_coarse) {
         return Err(Error::setting(
             "closing needs cells of one size at the surface, and the store has coarser ones",
-            "build it without a tolerance, and with --refine surface",
+            "build it again without `tolerance`",
         ));
     }
     Ok(())
@@ -164,11 +164,11 @@ struct Joined<'a> {
     part: &'a Brick,
     was_solid: SignChanges,
     is_solid: SignChanges,
-    filled: Block<'a>,
+    filled: OffsetBrick<'a>,
 }
 
 impl<'a> Joined<'a> {
-    fn new(part: &'a Brick, filled: Block<'a>) -> Joined<'a> {
+    fn new(part: &'a Brick, filled: OffsetBrick<'a>) -> Joined<'a> {
         let was_solid = match part {
             Brick::Uniform(w) => SignChanges::from_fn(|_| *w >= 1),
             Brick::Counts { samples, .. } => SignChanges::of(samples),

@@ -186,8 +186,8 @@ impl<'a> OffsetField<'a> {
     }
 
     /// The samples of the brick whose first one is this of the old lattice.
-    pub(super) fn block(&self, first: [i64; 3]) -> Result<Block<'_>> {
-        let mut samples = Block {
+    pub(super) fn block(&self, first: [i64; 3]) -> Result<OffsetBrick<'_>> {
+        let mut samples = OffsetBrick {
             grown: self,
             first,
             part: self.sides.part(first)?,
@@ -224,7 +224,7 @@ fn no_surface() -> Error {
 }
 
 /// The samples of a brick while they are decided.
-pub(super) struct Block<'a> {
+pub(super) struct OffsetBrick<'a> {
     grown: &'a OffsetField<'a>,
     /// Its first sample on the old lattice.
     first: [i64; 3],
@@ -233,7 +233,7 @@ pub(super) struct Block<'a> {
     values: Vec<f32>,
 }
 
-impl Block<'_> {
+impl OffsetBrick<'_> {
     fn place(&self, ijk: [usize; 3]) -> [f64; 3] {
         std::array::from_fn(|a| (self.first[a] + ijk[a] as i64) as f64)
     }

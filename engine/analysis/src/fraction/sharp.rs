@@ -7,7 +7,7 @@ use crate::brick::{Brick, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey, dot};
 use std::collections::BTreeMap;
 
-/// Planes that may meet at a corner.
+/// AgreeingPlanes that may meet at a corner.
 const MOST_PLANES: usize = 3;
 /// The least cosine between the normals of crossings of one plane.
 const ALIKE: f64 = 0.99;
@@ -20,7 +20,7 @@ const MOST_TURN: f64 = 0.9;
 
 /// The planes of all crossings within a coarse cell of a sample along each axis.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Planes {
+pub(super) struct AgreeingPlanes {
     /// Unit normals, and distances from the sample along them in coarse cells.
     planes: [([f64; 3], f64); MOST_PLANES],
     count: u8,
@@ -28,7 +28,7 @@ pub(super) struct Planes {
     disagree: bool,
 }
 
-impl Planes {
+impl AgreeingPlanes {
     /// Adds the plane of a crossing.
     fn add(&mut self, normal: [f64; 3], at: [f64; 3]) {
         if self.disagree {
@@ -48,7 +48,7 @@ impl Planes {
         }
     }
 
-    fn join(&mut self, other: &Planes) {
+    fn join(&mut self, other: &AgreeingPlanes) {
         self.disagree |= other.disagree;
         for &(normal, distance) in &other.planes[..usize::from(other.count)] {
             self.add(normal, normal.map(|c| c * distance));
@@ -70,7 +70,7 @@ type Row = ([i64; 3], u16, u32);
 #[derive(Default)]
 pub(super) struct LeafPlanes {
     /// Samples with crossings around.
-    planes: Vec<([i64; 3], Planes)>,
+    planes: Vec<([i64; 3], AgreeingPlanes)>,
     /// Samples of the leaf that are inside, by rows of bricks.
     inside: Vec<Row>,
     crossings: Vec<CoarseCrossing>,
@@ -130,7 +130,7 @@ impl LeafPlanes {
         all: &[Vec<HermiteEdge>; 3],
     ) {
         let size = plan.size;
-        let mut around = vec![Planes::default(); size.iter().product()];
+        let mut around = vec![AgreeingPlanes::default(); size.iter().product()];
         for axis in Axis::ALL {
             let a = axis.index();
             let mut edges = all[a].iter();
@@ -179,7 +179,7 @@ pub(super) fn planes(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> Le
 /// What is known of a brick of coarse samples while leaves add to it.
 #[derive(Default)]
 pub(super) struct OpenSharp {
-    planes: BTreeMap<u16, Planes>,
+    planes: BTreeMap<u16, AgreeingPlanes>,
     inside: BTreeMap<u16, u32>,
     crossings: Vec<(u32, HermiteEdge)>,
 }
