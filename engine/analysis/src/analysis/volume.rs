@@ -56,9 +56,9 @@ impl From<&SourceVolumes> for Volumes {
 /// The samples of a row that a brick owns.
 const OWN: u64 = (1 << BRICK_CELLS) - 1;
 
-/// Sums in cells of the deepest level there can be, exact for any tree.
+/// ChordSums in cells of the deepest level there can be, exact for any tree.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Sums {
+pub(super) struct ChordSums {
     /// Chords of the union along each axis, in [`STEPS`].
     pub chords: [u128; 3],
     /// Samples of the union.
@@ -112,9 +112,9 @@ impl Count {
     }
 }
 
-impl Sums {
-    fn and(self, other: Sums) -> Sums {
-        Sums {
+impl ChordSums {
+    fn and(self, other: ChordSums) -> ChordSums {
+        ChordSums {
             chords: [0, 1, 2].map(|a| self.chords[a] + other.chords[a]),
             inside: self.inside + other.inside,
             faces: self.faces.and(other.faces),
@@ -125,17 +125,23 @@ impl Sums {
     }
 
     /// Of `count` samples that are all `w`.
-    fn of_equal(w: i16, count: u128) -> Sums {
+    fn of_equal(w: i16, count: u128) -> ChordSums {
         let of = |w: i32| Count { sum: u128::from(w.max(0).unsigned_abs()) * count, ..Count::default() };
         let w = i32::from(w);
         let inside = u128::from(w >= 1) * count;
-        Sums { chords: [inside * STEPS; 3], inside, overlap: of(w - 1), negative: of(-w), ..Sums::default() }
+        ChordSums {
+            chords: [inside * STEPS; 3],
+            inside,
+            overlap: of(w - 1),
+            negative: of(-w),
+            ..ChordSums::default()
+        }
     }
 
     /// Of a leaf's own 32³ cells.
-    fn of_brick(brick: &Brick) -> Sums {
+    fn of_brick(brick: &Brick) -> ChordSums {
         let (samples, hermite) = match brick {
-            Brick::Uniform(w) => return Sums::of_equal(*w, (BRICK_CELLS as u128).pow(3)),
+            Brick::Uniform(w) => return ChordSums::of_equal(*w, (BRICK_CELLS as u128).pow(3)),
             Brick::Counts { samples, hermite } => (samples, hermite),
         };
         let signs = SignChanges::of(samples);
@@ -147,11 +153,11 @@ impl Sums {
         let count = |there: bool, part| if there { Count::of(samples, part) } else { Count::default() };
         let overlap = count(samples.whole(max) > 1, |w| w - 1);
         let negative = count(samples.whole(min) < 0, |w| -w);
-        Sums { chords, inside, faces, lone: lone(&signs), overlap, negative }
+        ChordSums { chords, inside, faces, lone: lone(&signs), overlap, negative }
     }
 
-    fn scaled(self, by: u128) -> Sums {
-        Sums {
+    fn scaled(self, by: u128) -> ChordSums {
+        ChordSums {
             chords: self.chords.map(|c| c * by),
             inside: self.inside * by,
             faces: self.faces.scaled(by),
@@ -283,11 +289,16 @@ fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress)
 }
 
 /// The sums of some leaves.
-pub(super) fn sums_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress) -> Result<Sums> {
+pub(super) fn sums_of(
+    tree: &dyn BrickTree,
+    leaves: &[NodeKey],
+    progress: &dyn Progress,
+) -> Result<ChordSums> {
     progress.phase("volumes", Some(leaves.len() as u64), "bricks");
-    let mut sums = Sums::default();
-    let of_leaf =
-        |leaf: &Leaf<'_>| Ok(Sums::of_brick(leaf.brick).scaled(1 << (3 * (MAX_LEVEL - leaf.key.level()))));
+    let mut sums = ChordSums::default();
+    let of_leaf = |leaf: &Leaf<'_>| {
+        Ok(ChordSums::of_brick(leaf.brick).scaled(1 << (3 * (MAX_LEVEL - leaf.key.level()))))
+    };
     visit(tree, leaves, progress, of_leaf, |_, of_leaf| {
         sums = sums.and(of_leaf);
         Ok(())
