@@ -10,6 +10,7 @@ mod program {
     mod cache;
     mod cells;
     mod check;
+    mod closing;
     mod clouds;
     mod csg;
     mod detail;

@@ -1,8 +1,10 @@
 //! `brickfield mesh --detail`, `--triangles`, `--max-size` and the choice of shells, judged by code that shares none with the
 //! engine.
 
+use super::distance::stl_of;
 use crate::support::*;
 use brickfield_bench_data::judge::mesh::{MeshFindings, check_file};
+use brickfield_bench_data::{Mesh, shapes};
 use serde_json::Value;
 use std::path::Path;
 
@@ -147,6 +149,62 @@ fn threads_change_no_byte_and_beads_keep_their_volume() {
     let volume =
         |iso| meshed(&store, &dir.path("b.ply"), &["--detail", "3mm", "--iso", iso])["volume"].as_f64();
     assert!(volume("0.3") > volume("0.7"));
+}
+
+/// A turned box in cells of a fifteenth of it: its edges are near the mesh. Rounded, they would be a third of a cell away.
+#[test]
+fn edges_of_a_turned_box_are_sharp() {
+    let dir = Scratch::new();
+    let (half, axis, angle) = ([6.0, 5.0, 4.0], [1.0, 2.0, 3.0], 0.7);
+    let turned = |mesh: Mesh| mesh.rotated(axis, angle);
+    let input = stl_of(&dir, "b.stl", &turned(shapes::cuboid(half.map(|h| -h), half)));
+    let units = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let axes = turned(Mesh { vertices: units, triangles: Vec::new() }).vertices;
+    let (store, out) = (dir.path("b.brf"), dir.path("b.ply"));
+    run(&[&"build", &input, &"-o", &store, &"--cell", &"0.2", &"-q"]).ok();
+    let out_stl = dir.path("b.stl.stl");
+    for (words, most) in [(&["--detail", "0.8"][..], 0.05), (&["--detail", "0.8", "--follow-creases"], 0.015)]
+    {
+        let json = meshed(&store, &out, words);
+        judged(&out, 8.0 * half.iter().product::<f64>(), 0.001);
+        assert!(json["detail"]["cell"].as_f64().unwrap() > 0.79);
+        let mut all: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"mesh", &store, &"-o", &out_stl, &"-q"];
+        all.extend(words.iter().map(|word| word as &dyn AsRef<std::ffi::OsStr>));
+        run(&all).ok();
+        let back = |p: [f32; 3]| -> [f64; 3] {
+            axes.iter()
+                .map(|axis| (0..3).map(|a| axis[a] * f64::from(p[a])).sum())
+                .collect::<Vec<f64>>()
+                .try_into()
+                .unwrap()
+        };
+        let facets: Vec<[[f64; 3]; 3]> = facets_of(&out_stl).into_iter().map(|f| f.map(back)).collect();
+        // From the middle part of an edge along z to the mesh.
+        let (mut sum, mut count) = (0.0, 0);
+        for n in -30..=30 {
+            let point = [half[0], half[1], f64::from(n) / 30.0 * (half[2] - 1.0)];
+            let nearest = facets.iter().map(|facet| from_facet(point, *facet)).fold(f64::INFINITY, f64::min);
+            (sum, count) = (sum + nearest, count + 1);
+        }
+        let mean = sum / f64::from(count);
+        assert!(mean < most * 0.8, "{words:?}: {mean}");
+    }
+}
+
+/// The distance of a point from a triangle, by steps over it.
+fn from_facet(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> f64 {
+    let apart = |q: [f64; 3]| (0..3).map(|n| (q[n] - p[n]).powi(2)).sum::<f64>().sqrt();
+    if [a, b, c].into_iter().map(apart).fold(f64::INFINITY, f64::min) > 3.0 {
+        return f64::INFINITY;
+    }
+    let mut least = f64::INFINITY;
+    for i in 0..=20 {
+        for j in 0..=20 - i {
+            let (u, v) = (f64::from(i) / 20.0, f64::from(j) / 20.0);
+            least = least.min(apart([0, 1, 2].map(|n| a[n] + u * (b[n] - a[n]) + v * (c[n] - a[n]))));
+        }
+    }
+    least
 }
 
 #[test]

@@ -25,6 +25,7 @@ Examples:
   brickfield mesh part.brf -o part.stl
   brickfield mesh part.brf -o part.stl --check
   brickfield mesh part.brf -o light.stl --triangles 100000
+  brickfield mesh part.brf -o tight.stl --close 0.5mm --detail 1mm
   brickfield mesh --check part.stl")]
 pub struct MeshArgs {
     /// The store; with --check and without -o the mesh to check: STL, OBJ, PLY
@@ -72,6 +73,13 @@ pub struct MeshArgs {
     #[arg(value_parser = PossibleValuesParser::new(["yes", "no"]).map(|answer| answer == "yes"))]
     #[arg(hide_possible_values = true)]
     pub intersection_free: bool,
+    /// Fill voids, channels and necks that no ball of this diameter enters, as in 0.5mm, before the mesh is made
+    ///
+    /// What a ball of this size touches from outside, or from within a larger void, stays as it is. Concave edges become
+    /// round. LEN is two of the store's cells at least. A closed store of about the size of this one stands beside the mesh
+    /// meanwhile.
+    #[arg(long, value_name = "LEN", requires = "output")]
+    pub close: Option<Length>,
     /// Leave out what the part encloses: the boundaries of voids, and pieces that lie in them
     ///
     /// The surface is made first, so the volume that is kept is the one with voids.

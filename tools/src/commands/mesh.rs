@@ -1,6 +1,7 @@
 //! `brickfield mesh`: a level set of the field as a mesh file.
 
 use super::mesh_check::{CheckOutcome, require_sound};
+use super::mesh_close::{ClosedStore, MeshClosing};
 use super::mesh_detail::{self, MeshDetail};
 use super::mesh_place;
 use super::mesh_shells::{self, ShellChoice, Shells};
@@ -46,6 +47,9 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         mesh_detail::check(&args)?;
     }
     mesh_shells::check(&args)?;
+    if args.close.is_some() && !is_coarse && iso != BOUNDARY {
+        return Err(Failure::Usage(format!("--iso {iso}: --close is of the boundary, where w = 0.5")));
+    }
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
     let store = match is_store(&args.file) {
@@ -64,57 +68,70 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     require_distinct(&[output], &[&args.file])?;
     tell_left_behind(output, args.work.quiet);
-    if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
-        require_mesh_space(&store, output, (iso, args.level), args.work.quiet)?;
-    }
     let is_moved = mesh_place::is_moved(&args, &store, output, is_coarse)?;
     let place = MovedTree::middle(&store);
-    let moved = MovedTree::new(&store, place);
-    let (tree, coordinates): (&dyn BrickTree, _) =
-        if is_moved { (&moved, Coordinates::DoubleFrom(place)) } else { (&store, Coordinates::Single) };
+    let coordinates = if is_moved { Coordinates::DoubleFrom(place) } else { Coordinates::Single };
     let mut sink = match mesh_place::sink(&args, &store, output, coordinates)? {
         Some(sink) => sink,
         None => mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?,
     };
+    let started = Instant::now();
+    let closed = args.close.map(|length| ClosedStore::of(&store, length, output, cache_bytes, &bars));
+    let closed = closed.transpose()?;
+    let closing = closed.as_ref().map(|closed| closed.told);
+    let store = closed.as_ref().map_or(&store, |closed| &closed.store);
+    if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
+        require_mesh_space(store, output, (iso, args.level), args.work.quiet)?;
+    }
+    let moved = MovedTree::new(store, place);
+    let tree: &dyn BrickTree = if is_moved { &moved } else { store };
     if is_coarse {
-        return run_coarse(&args, &store, output, sink.as_mut(), (cache_bytes, brick_bytes), &bars);
+        return run_coarse(
+            (&args, closing, started),
+            store,
+            output,
+            sink.as_mut(),
+            (cache_bytes, brick_bytes),
+            &bars,
+        );
     }
     let options = ContourOptions {
         iso,
         level: args.level,
         cache_bytes: (cache_bytes - brick_bytes) as usize,
-        tolerance: tolerance_in(args.tolerance, &store)?,
+        tolerance: tolerance_in(args.tolerance, store)?,
         intersection_free: args.intersection_free,
         method: args.method.into(),
         follow_creases: args.follow_creases,
         temp_dir: args.temp_dir.clone(),
     };
-    let report = if mesh_shells::is_asked(&args) {
-        write_shells(&args, (&store, tree), &options, (output, sink.as_mut()), cache_bytes / 2, &bars)?
+    let mut report = if mesh_shells::is_asked(&args) {
+        write_shells(&args, (store, tree), &options, (output, sink.as_mut()), cache_bytes / 2, &bars)?
     } else {
-        let mut report = write_tree(&store, tree, &options, output, sink.as_mut(), &bars)?;
-        report.compare(&store, &options, &bars)?;
+        let mut report = write_tree(store, tree, &options, output, sink.as_mut(), &bars)?;
+        report.compare(store, &options, &bars)?;
         report
     };
-    let mut report = report;
     if is_moved {
         report.bounds = report.bounds.map(|bounds| bounds.moved(place));
         report.coordinate_bits = 64;
     }
+    if closing.is_some() {
+        (report.closing, report.seconds) = (closing, started.elapsed().as_secs_f64());
+    }
     drop(sink);
-    finish(&args, &store, output, report, &bars)
+    finish(&args, store, output, report, &bars)
 }
 
 /// Writes a mesh of the fractions of solid in coarse cells.
 fn run_coarse(
-    args: &MeshArgs,
+    (args, closing, started): (&MeshArgs, Option<MeshClosing>, Instant),
     store: &Store,
     output: &Path,
     sink: &mut dyn MeshSink,
     (cache_bytes, brick_bytes): (u64, u64),
     bars: &Bars,
 ) -> Result<(), Failure> {
-    let started = Instant::now();
     // Fractions take what contouring leaves.
     let options = mesh_detail::options_of(args, store, (cache_bytes / 4) as usize)?;
     let memory = cache_bytes - cache_bytes / 4 - brick_bytes;
@@ -150,6 +167,7 @@ fn run_coarse(
     report.iso = made.kept.fraction;
     report.cell = made.lattice.cell();
     report.detail = Some(detail);
+    report.closing = closing;
     report.seconds = started.elapsed().as_secs_f64();
     finish(args, store, output, report, bars)
 }
@@ -347,6 +365,9 @@ pub struct MeshReport {
     /// Edge of the largest cells that the boundary passes; 0 where nothing is expected.
     #[serde(skip)]
     cell: f64,
+    /// What was filled before, if that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    closing: Option<MeshClosing>,
     /// Of a mesh of fractions.
     #[serde(skip_serializing_if = "Option::is_none")]
     detail: Option<MeshDetail>,
@@ -453,6 +474,7 @@ impl MeshReport {
             "{output}: {triangles} triangles, {vertices} vertices, area {area:.6} {unit}², volume {volume:.6} \
              {unit}³, {seconds:.2} s"
         );
+        text.extend(self.closing.iter().map(|closing| closing.text(unit)));
         text.extend(self.expected_text());
         let shells = self.shells.unwrap_or_default();
         text.extend(self.detail.iter().map(|detail| detail.text(&shells, unit)));
@@ -534,6 +556,7 @@ fn write_tree(
         seconds: started.elapsed().as_secs_f64(),
         expected: None,
         cell: 0.0,
+        closing: None,
         detail: None,
         shells: None,
         quality: None,

@@ -23,6 +23,7 @@ pub mod layers;
 pub mod machine;
 pub mod mesh;
 mod mesh_check;
+mod mesh_close;
 mod mesh_detail;
 mod mesh_place;
 mod mesh_shells;

@@ -5,10 +5,11 @@
 use brickfield_engine::Error;
 
 /// Settings that messages of the library name; each is set by the option of the same name.
-const SETTINGS: [&str; 38] = [
+const SETTINGS: [&str; 39] = [
     "backend",
     "boundary_error",
     "cell",
+    "close",
     "closing",
     "deposit_off",
     "deposit_on",

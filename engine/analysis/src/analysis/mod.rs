@@ -1,6 +1,7 @@
 //! Questions answered from a finished octree: w at points, the beads that make it up, a level as one dense
 //! grid, volumes.
 
+mod added;
 mod beads;
 mod export;
 mod face_beads;
@@ -12,6 +13,7 @@ mod sample;
 mod tests;
 mod volume;
 
+pub use added::volume_added;
 pub use beads::solids_of;
 pub use beads::{CoveringPass, beads_at_points};
 pub use export::{BrickBlock, Dense, Element, TakeRows, covering};

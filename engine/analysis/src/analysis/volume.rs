@@ -56,15 +56,15 @@ impl From<&SourceVolumes> for Volumes {
 /// The samples of a row that a brick owns.
 const OWN: u64 = (1 << BRICK_CELLS) - 1;
 
-/// Sums in cells of the deepest level there can be, exact for any tree.
+/// ChordSums in cells of the deepest level there can be, exact for any tree.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+pub(super) struct ChordSums {
     /// Chords of the union along each axis, in [`STEPS`].
-    chords: [u128; 3],
+    pub chords: [u128; 3],
     /// Samples of the union.
-    inside: u128,
+    pub inside: u128,
     /// What faces add that chords along an axis do not see, as they run along these; see [`Faces`].
-    faces: Faces,
+    pub faces: Faces,
     /// Samples unlike both neighbours along an axis, by axis.
     lone: [u128; 3],
     overlap: Count,
@@ -112,9 +112,9 @@ impl Count {
     }
 }
 
-impl Sums {
-    fn and(self, other: Sums) -> Sums {
-        Sums {
+impl ChordSums {
+    fn and(self, other: ChordSums) -> ChordSums {
+        ChordSums {
             chords: [0, 1, 2].map(|a| self.chords[a] + other.chords[a]),
             inside: self.inside + other.inside,
             faces: self.faces.and(other.faces),
@@ -125,17 +125,23 @@ impl Sums {
     }
 
     /// Of `count` samples that are all `w`.
-    fn of_equal(w: i16, count: u128) -> Sums {
+    fn of_equal(w: i16, count: u128) -> ChordSums {
         let of = |w: i32| Count { sum: u128::from(w.max(0).unsigned_abs()) * count, ..Count::default() };
         let w = i32::from(w);
         let inside = u128::from(w >= 1) * count;
-        Sums { chords: [inside * STEPS; 3], inside, overlap: of(w - 1), negative: of(-w), ..Sums::default() }
+        ChordSums {
+            chords: [inside * STEPS; 3],
+            inside,
+            overlap: of(w - 1),
+            negative: of(-w),
+            ..ChordSums::default()
+        }
     }
 
     /// Of a leaf's own 32³ cells.
-    fn of_brick(brick: &Brick) -> Sums {
+    fn of_brick(brick: &Brick) -> ChordSums {
         let (samples, hermite) = match brick {
-            Brick::Uniform(w) => return Sums::of_equal(*w, (BRICK_CELLS as u128).pow(3)),
+            Brick::Uniform(w) => return ChordSums::of_equal(*w, (BRICK_CELLS as u128).pow(3)),
             Brick::Counts { samples, hermite } => (samples, hermite),
         };
         let signs = SignChanges::of(samples);
@@ -147,11 +153,11 @@ impl Sums {
         let count = |there: bool, part| if there { Count::of(samples, part) } else { Count::default() };
         let overlap = count(samples.whole(max) > 1, |w| w - 1);
         let negative = count(samples.whole(min) < 0, |w| -w);
-        Sums { chords, inside, faces, lone: lone(&signs), overlap, negative }
+        ChordSums { chords, inside, faces, lone: lone(&signs), overlap, negative }
     }
 
-    fn scaled(self, by: u128) -> Sums {
-        Sums {
+    fn scaled(self, by: u128) -> ChordSums {
+        ChordSums {
             chords: self.chords.map(|c| c * by),
             inside: self.inside * by,
             faces: self.faces.scaled(by),
@@ -193,24 +199,27 @@ fn chords(signs: &SignChanges, edges: &[HermiteEdge], axis: Axis, faces: &mut Fa
 /// Samples of a brick that lie on the other side of the surface than both neighbours along an axis: walls and gaps of less
 /// than two cells. The first sample of a row has a neighbour in another brick and is left out.
 fn lone(signs: &SignChanges) -> [u128; 3] {
-    let unlike = |before: u64, here: u64, after: u64| {
-        u128::from(((here ^ before) & (here ^ after) & OWN).count_ones())
-    };
     let mut found = [0; 3];
-    for k in 0..BRICK_CELLS {
-        for j in 0..BRICK_CELLS {
-            let row = signs.row(j, k);
-            // The first sample stands in for the one before it.
-            found[0] += unlike(row << 1 | row & 1, row, row >> 1);
-            if j > 0 {
-                found[1] += unlike(signs.row(j - 1, k), row, signs.row(j + 1, k));
-            }
-            if k > 0 {
-                found[2] += unlike(signs.row(j, k - 1), row, signs.row(j, k + 1));
-            }
-        }
+    for row in 0..BRICK_CELLS * BRICK_CELLS {
+        let lone = lone_of_row(signs, row % BRICK_CELLS, row / BRICK_CELLS);
+        (0..3).for_each(|a| found[a] += u128::from(lone[a].count_ones()));
     }
     found
+}
+
+/// Those of a row, by axis: bit `i` is set where sample i is one.
+pub(super) fn lone_of_row(signs: &SignChanges, j: usize, k: usize) -> [u64; 3] {
+    let unlike = |before: u64, here: u64, after: u64| (here ^ before) & (here ^ after) & OWN;
+    let row = signs.row(j, k);
+    let beside = |is_first: bool, before: &dyn Fn() -> u64, after: u64| {
+        if is_first { 0 } else { unlike(before(), row, after) }
+    };
+    [
+        // The first sample stands in for the one before it.
+        unlike(row << 1 | row & 1, row, row >> 1),
+        beside(j == 0, &|| signs.row(j - 1, k), signs.row(j + 1, k)),
+        beside(k == 0, &|| signs.row(j, k - 1), signs.row(j, k + 1)),
+    ]
 }
 
 /// [`Volumes::negative`] and the bound on its error, of a tree whose samples are whole numbers; `None` if some are not, as where the input
@@ -258,14 +267,7 @@ pub fn volume(tree: &dyn BrickTree, progress: &dyn Progress) -> Result<Volumes> 
 
 /// Those of some leaves.
 fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress) -> Result<Volumes> {
-    progress.phase("volumes", Some(leaves.len() as u64), "bricks");
-    let mut sums = Sums::default();
-    let of_leaf =
-        |leaf: &Leaf<'_>| Ok(Sums::of_brick(leaf.brick).scaled(1 << (3 * (MAX_LEVEL - leaf.key.level()))));
-    visit(tree, leaves, progress, of_leaf, |_, of_leaf| {
-        sums = sums.and(of_leaf);
-        Ok(())
-    })?;
+    let sums = sums_of(tree, leaves, progress)?;
     let cell = tree.root().spacing(MAX_LEVEL).powi(3);
     let in_steps = |steps: f64| steps / STEPS as f64 * cell;
     let Faces { beside, nearly, scatter, size, crossings } = sums.faces;
@@ -286,6 +288,24 @@ fn volumes_of(tree: &dyn BrickTree, leaves: &[NodeKey], progress: &dyn Progress)
     })
 }
 
+/// The sums of some leaves.
+pub(super) fn sums_of(
+    tree: &dyn BrickTree,
+    leaves: &[NodeKey],
+    progress: &dyn Progress,
+) -> Result<ChordSums> {
+    progress.phase("volumes", Some(leaves.len() as u64), "bricks");
+    let mut sums = ChordSums::default();
+    let of_leaf = |leaf: &Leaf<'_>| {
+        Ok(ChordSums::of_brick(leaf.brick).scaled(1 << (3 * (MAX_LEVEL - leaf.key.level()))))
+    };
+    visit(tree, leaves, progress, of_leaf, |_, of_leaf| {
+        sums = sums.and(of_leaf);
+        Ok(())
+    })?;
+    Ok(sums)
+}
+
 /// The difference of the largest and the smallest of what three axes say.
 pub(crate) fn spread(by_axis: [f64; 3]) -> f64 {
     let [low, high] = [f64::min, f64::max].map(|f| by_axis.into_iter().reduce(f).unwrap_or_default());
@@ -294,7 +314,7 @@ pub(crate) fn spread(by_axis: [f64; 3]) -> f64 {
 
 /// What is left at edges and corners, where faces across two or three axes meet that add so much each to a number of
 /// samples, `count`: each adds to what the others add, and no more than if all met all others, as in a box.
-fn at_edges(count: f64, [x, y, z]: [f64; 3]) -> f64 {
+pub(super) fn at_edges(count: f64, [x, y, z]: [f64; 3]) -> f64 {
     if count <= 0.0 {
         return 0.0;
     }

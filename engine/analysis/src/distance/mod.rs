@@ -16,6 +16,7 @@
 //! | `around` | normals of surfaces with facets |
 //! | `thickness` | thickness of walls, width of gaps |
 //! | `offset` | offsets and shells as stores |
+//! | `closing` | parts closed by balls, as stores |
 //! | `band` | distances near the surface as a tree |
 //! | `sample_box` | boxes of samples, which both halve |
 //! | `deviation` | signed distances from a reference, both ways |
@@ -29,6 +30,7 @@ mod align;
 mod around;
 mod band;
 mod boxes;
+pub mod closing;
 pub mod deviation;
 mod numbers;
 pub mod offset;

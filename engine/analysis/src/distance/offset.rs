@@ -55,7 +55,7 @@ pub fn offset(
 }
 
 /// The field on the new lattice. Lengths are in cells.
-struct OffsetField<'a> {
+pub(super) struct OffsetField<'a> {
     sides: Sides<'a>,
     surface: &'a Surface,
     solid: Solid,
@@ -67,7 +67,7 @@ struct OffsetField<'a> {
 }
 
 impl<'a> OffsetField<'a> {
-    fn of(tree: &'a dyn BrickTree, surface: &'a Surface, solid: Solid) -> Result<OffsetField<'a>> {
+    pub(super) fn of(tree: &'a dyn BrickTree, surface: &'a Surface, solid: Solid) -> Result<OffsetField<'a>> {
         surface.require_any()?;
         let length = match solid {
             Solid::Offset(by) | Solid::Shell(by) => by,
@@ -161,6 +161,42 @@ impl<'a> OffsetField<'a> {
         Ok(self.field(&foot, from, inside))
     }
 
+    /// Whether a cube of so many cells whose first sample is at a place of the old lattice is solid, if all of it is alike for
+    /// sure.
+    pub(super) fn side(&self, first: [f64; 3], size: i64) -> Result<Option<bool>> {
+        let middle = first.map(|c| c + (size / 2) as f64);
+        let reach = 0.5 * 3f64.sqrt() * size as f64 + CERTAIN;
+        let foot = self.closest(middle, f64::INFINITY)?;
+        let is_far = foot.distance > FAR;
+        let inside = if is_far { self.sides.sample(middle.map(|c| c.round() as i64))? } else { None };
+        Ok(self.agreed(&foot, middle, inside, reach))
+    }
+
+    /// Whether all within a reach of a place is solid, or none of it. Where it is not known whether the place is in the part,
+    /// what its foot says may be wrong, at corners that no cell resolves; then both must come to the same.
+    fn agreed(&self, foot: &Foot, from: [f64; 3], inside: Option<bool>, reach: f64) -> Option<bool> {
+        let of = |inside: bool| {
+            let (value, _) = self.field(foot, from, inside);
+            (value.abs() > reach).then_some(value < 0.0)
+        };
+        match inside {
+            Some(inside) => of(inside),
+            None => of(true).filter(|solid| of(false) == Some(*solid)),
+        }
+    }
+
+    /// The samples of the brick whose first one is this of the old lattice.
+    pub(super) fn block(&self, first: [i64; 3]) -> Result<OffsetBrick<'_>> {
+        let mut samples = OffsetBrick {
+            grown: self,
+            first,
+            part: self.sides.part(first)?,
+            values: vec![f32::NAN; BRICK_POINTS.pow(3)],
+        };
+        samples.decide(SampleBox::BRICK, f64::INFINITY)?;
+        Ok(samples)
+    }
+
     /// A sample of the new lattice on the old one.
     fn old(&self, sample: [i64; 3]) -> [f64; 3] {
         sample.map(|c| (c - self.shift) as f64)
@@ -175,24 +211,11 @@ impl Divided for OffsetField<'_> {
     fn decided(&self, key: NodeKey) -> Result<Option<i16>> {
         let size = (BRICK_CELLS as i64) << (self.depth - key.level());
         let first = key.position().map(|p| i64::from(p) * size);
-        let middle = self.old(first.map(|c| c + size / 2));
-        let reach = 0.5 * 3f64.sqrt() * size as f64 + CERTAIN;
-        let foot = self.closest(middle, f64::INFINITY)?;
-        let inside = self.sides.inside(middle, foot.distance, foot.inside)?;
-        let (value, _) = self.field(&foot, middle, inside);
-        Ok((value.abs() > reach).then_some(i16::from(value < 0.0)))
+        Ok(self.side(self.old(first), size)?.map(i16::from))
     }
 
     fn brick(&self, key: NodeKey) -> Result<Brick> {
-        let first = key.first_sample().map(i64::from);
-        let mut samples = Block {
-            grown: self,
-            first,
-            part: self.sides.part(first.map(|c| c - self.shift))?,
-            values: vec![f32::NAN; BRICK_POINTS.pow(3)],
-        };
-        samples.decide(SampleBox::BRICK, f64::INFINITY)?;
-        samples.brick()
+        self.block(key.first_sample().map(|c| i64::from(c) - self.shift))?.brick()
     }
 }
 
@@ -201,17 +224,23 @@ fn no_surface() -> Error {
 }
 
 /// The samples of a brick while they are decided.
-struct Block<'a> {
+pub(super) struct OffsetBrick<'a> {
     grown: &'a OffsetField<'a>,
+    /// Its first sample on the old lattice.
     first: [i64; 3],
     part: DeepBrick,
     /// The field at samples that were asked for, or only its sign, as an infinite number.
     values: Vec<f32>,
 }
 
-impl Block<'_> {
+impl OffsetBrick<'_> {
     fn place(&self, ijk: [usize; 3]) -> [f64; 3] {
-        self.grown.old(std::array::from_fn(|a| self.first[a] + ijk[a] as i64))
+        std::array::from_fn(|a| (self.first[a] + ijk[a] as i64) as f64)
+    }
+
+    /// Whether a sample is solid.
+    pub(super) fn is_solid(&self, n: usize) -> bool {
+        self.values[n] < 0.0
     }
 
     fn inside(&self, ijk: [usize; 3]) -> Option<bool> {
@@ -237,15 +266,11 @@ impl Block<'_> {
         let here = std::array::from_fn(|a| corner[a] + middle[a]);
         let reach = samples.reach();
         let foot = self.grown.closest(here, within)?;
-        // Farther than all of the box there is no surface between its samples.
-        let sample = if foot.distance > reach + CERTAIN { self.inside(low) } else { None };
-        let inside = match &self.part {
-            DeepBrick::All(inside) => *inside,
-            _ => sample.unwrap_or(foot.inside),
-        };
-        let (value, _) = self.grown.field(&foot, here, inside);
-        if value.abs() > reach + CERTAIN {
-            samples.fill(&mut self.values, if value < 0.0 { f32::NEG_INFINITY } else { f32::INFINITY });
+        // That far from the surface the sample beside is on the same side.
+        let beside = middle.map(|c| c as usize);
+        let inside = if foot.distance > FAR { self.inside(beside) } else { None };
+        if let Some(is_solid) = self.grown.agreed(&foot, here, inside, reach + CERTAIN) {
+            samples.fill(&mut self.values, if is_solid { f32::NEG_INFINITY } else { f32::INFINITY });
             return Ok(());
         }
         for half in samples.halves() {
@@ -270,25 +295,56 @@ impl Block<'_> {
         Ok(Brick::from_samples(samples, hermite))
     }
 
-    /// Where the field is zero between two samples, by the false position with its ends weighed (Illinois).
-    fn crossing(&self, axis: Axis, low: [usize; 3]) -> Result<HermiteEdge> {
+    /// Where the field is zero between two samples.
+    pub(super) fn crossing(&self, axis: Axis, low: [usize; 3]) -> Result<HermiteEdge> {
+        self.root_between(axis, low, [(0.0, self.end(axis, low, 0)?), (1.0, self.end(axis, low, 1)?)])
+    }
+
+    /// The field at the lower or the upper end of an edge.
+    pub(super) fn end(&self, axis: Axis, low: [usize; 3], end: usize) -> Result<f64> {
+        let mut ijk = low;
+        ijk[axis.index()] += end;
+        let known = self.values[point_index(ijk)];
+        if known.is_finite() {
+            return Ok(f64::from(known));
+        }
+        // Rounded as those that are known, so that every brick finds the same crossing.
+        Ok(f64::from(self.grown.at(self.place(ijk), self.inside(ijk), f64::INFINITY)?.0 as f32))
+    }
+
+    /// Of a part that both ends of an edge are in, or both are not, the edge is in, or not, where it is far from the surface.
+    fn beside(&self, axis: Axis, low: [usize; 3]) -> Option<bool> {
         let mut high = low;
         high[axis.index()] += 1;
-        let from = self.place(low);
-        let mut ends = [0.0, 1.0];
-        let mut values = [0.0; 2];
+        self.inside(low).filter(|inside| self.inside(high) == Some(*inside))
+    }
+
+    /// The field on an edge, at a part of the way from its lower sample, and the normal there. The surface is likely to be
+    /// within so many cells.
+    pub(super) fn on_edge(
+        &self,
+        axis: Axis,
+        low: [usize; 3],
+        t: f64,
+        within: f64,
+    ) -> Result<(f64, [f64; 3])> {
+        let mut at = self.place(low);
+        at[axis.index()] += t;
+        self.grown.at(at, self.beside(axis, low), within)
+    }
+
+    /// Where the field is zero on an edge between two places where it has these values, the lower place first, by the false
+    /// position with its ends weighed (Illinois).
+    pub(super) fn root_between(
+        &self,
+        axis: Axis,
+        low: [usize; 3],
+        [lower, upper]: [(f64, f64); 2],
+    ) -> Result<HermiteEdge> {
+        let mut ends = [lower.0, upper.0];
+        let mut values = [lower.1, upper.1];
         let mut normal = [0.0; 3];
-        for (value, ijk) in values.iter_mut().zip([low, high]) {
-            let known = self.values[point_index(ijk)];
-            *value = f64::from(known);
-            if !known.is_finite() {
-                // Rounded as those that are known, so that every brick finds the same crossing.
-                *value = f64::from(self.grown.at(self.place(ijk), self.inside(ijk), f64::INFINITY)?.0 as f32);
-            }
-        }
-        let is_low_inside = self.values[point_index(low)] < 0.0;
-        // Of a part that both ends are in, or both are not, the edge is in, or not, where it is far from the surface.
-        let beside = self.inside(low).filter(|inside| self.inside(high) == Some(*inside));
+        let is_low_inside = values[0] < 0.0;
         let (mut t, mut kept) = (0.5, None);
         for step in 0..STEPS {
             let [a, b] = values;
@@ -299,10 +355,8 @@ impl Block<'_> {
             } else {
                 0.5 * (ends[0] + ends[1])
             };
-            let mut at = from;
-            at[axis.index()] += t;
             let within = a.abs().max(b.abs()) + self.grown.by.abs() + 2.0;
-            let (value, outward) = self.grown.at(at, beside, within)?;
+            let (value, outward) = self.on_edge(axis, low, t, within)?;
             normal = outward;
             if value.abs() < ROOT || ends[1] - ends[0] < 1e-5 {
                 break;

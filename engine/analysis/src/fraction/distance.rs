@@ -4,7 +4,7 @@ use super::closest::TriangleIndex;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::MeshArrays;
 use crate::error::Result;
-use crate::lattice::{Axis, NodeKey, RootCube};
+use crate::lattice::{Axis, NodeKey, RootCube, dot, minus};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
 use std::collections::BTreeMap;
@@ -15,6 +15,8 @@ const POINTS: usize = 5_000;
 const LEAVES: usize = 256;
 /// Leaves around the points of the mesh that are read at most.
 const LEAVES_AROUND: usize = 4096;
+/// A prime beyond [`POINTS`], which scatters numbers below that.
+const SCATTER: usize = 7919;
 
 /// Distances of points of one surface from the other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -124,35 +126,29 @@ fn from_mesh(
         .map(|[p, q, r]| std::array::from_fn(|a| (p[a] + q[a] + r[a]) / 3.0))
         .collect();
     let mut by_leaf: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
-    for (n, point) in points.iter().enumerate() {
-        for leaf in leaves_around(tree, order, *point, reach) {
-            by_leaf.entry(leaf).or_default().push(n as u32);
+    let mut is_whole = vec![false; points.len()];
+    // Points all over the mesh count, as long as their leaves are few enough to be read.
+    for n in (0..points.len()).map(|k| k * SCATTER % points.len()) {
+        let leaves = leaves_around(tree, order, points[n], reach);
+        let more = leaves.iter().filter(|leaf| !by_leaf.contains_key(leaf)).count();
+        is_whole[n] = by_leaf.is_empty() || by_leaf.len() + more <= LEAVES_AROUND;
+        if is_whole[n] {
+            leaves.into_iter().for_each(|leaf| by_leaf.entry(leaf).or_default().push(n as u32));
         }
     }
-    // Points whose leaves are all read count.
-    let mut read: Vec<usize> = by_leaf.keys().copied().collect();
-    if read.len() > LEAVES_AROUND {
-        read = (0..LEAVES_AROUND).map(|n| read[n * read.len() / LEAVES_AROUND]).collect();
-    }
-    let mut is_whole = vec![true; points.len()];
-    for (leaf, of_leaf) in &by_leaf {
-        if read.binary_search(leaf).is_err() {
-            of_leaf.iter().for_each(|&n| is_whole[n as usize] = false);
-        }
-    }
+    let read: Vec<usize> = by_leaf.keys().copied().collect();
     let keys: Vec<NodeKey> = read.iter().map(|&leaf| order.keys()[leaf]).collect();
     progress.phase("distances", Some(keys.len() as u64), "bricks");
     let disc = 0.87 * tree.root().spacing(tree.deepest_level());
     let mut nearest = vec![reach; points.len()];
     let make = |leaf: &Leaf<'_>| {
         let asked = &by_leaf[&read[leaf.number]];
-        let mut found = vec![reach; asked.len()];
+        let mut found: Vec<Found> =
+            asked.iter().map(|&n| Found::new(points[n as usize], reach, disc)).collect();
         for_crossings(tree.root(), leaf, |at, normal| {
-            for (found, &n) in found.iter_mut().zip(asked) {
-                *found = found.min(from_disc(points[n as usize], (at, normal), disc));
-            }
+            found.iter_mut().for_each(|found| found.see(at, normal))
         });
-        Ok(found)
+        Ok(found.into_iter().map(|found| found.distance).collect())
     };
     visit(tree, &keys, progress, make, |number, found: Vec<f64>| {
         for (found, &n) in found.into_iter().zip(&by_leaf[&read[number]]) {
@@ -168,13 +164,35 @@ fn from_mesh(
         .collect())
 }
 
-/// How far a point is from the disc of this radius about a crossing.
-fn from_disc(point: [f64; 3], (at, normal): ([f64; 3], [f64; 3]), radius: f64) -> f64 {
-    let apart: [f64; 3] = std::array::from_fn(|a| point[a] - at[a]);
-    let along: f64 = (0..3).map(|a| apart[a] * normal[a]).sum();
-    let square: f64 = apart.iter().map(|c| c * c).sum();
-    let beside = ((square - along * along).max(0.0).sqrt() - radius).max(0.0);
-    along.hypot(beside)
+/// How far a point is from discs of some radius about crossings.
+struct Found {
+    point: [f64; 3],
+    radius: f64,
+    distance: f64,
+    /// Square of the distance from which on discs are no nearer.
+    far: f64,
+}
+
+impl Found {
+    fn new(point: [f64; 3], reach: f64, radius: f64) -> Found {
+        Found { point, radius, distance: reach, far: (reach + radius).powi(2) }
+    }
+
+    /// Looks at the disc about a crossing.
+    #[inline]
+    fn see(&mut self, at: [f64; 3], normal: [f64; 3]) {
+        let apart = minus(self.point, at);
+        let square = dot(apart, apart);
+        if square >= self.far {
+            return;
+        }
+        let along = dot(apart, normal);
+        let beside = ((square - along * along).max(0.0).sqrt() - self.radius).max(0.0);
+        let distance = (along * along + beside * beside).sqrt();
+        if distance < self.distance {
+            *self = Found::new(self.point, distance, self.radius);
+        }
+    }
 }
 
 /// The leaves that the surface passes and that come as near to a point as `reach`.

@@ -1,5 +1,8 @@
 //! The tent by which solid is averaged, and how far a plane is from a sample whose fraction is known.
 
+/// Coarse samples before the tree's first one: the tent reaches one beyond it, and samples at the root's faces are outside.
+pub(super) const BEFORE: i64 = 2;
+
 /// What an interval that begins at `at`, in coarse cells, and never ends adds to the samples around: the number of the first
 /// sample, and by how much its value and those of the next two rise above the one before. Sums of all rises up to a sample
 /// are its value: the integral of the tent of half-width 1 about it.

@@ -1,9 +1,11 @@
 //! A coarse lattice with the fraction of solid around each sample, brick by brick.
 
-use super::kernel::depth;
+use super::kernel::{BEFORE, depth};
 use super::leaf::{SumBox, block};
+use super::sharp::{self, LeafPlanes, OpenSharp, Sharp, planes};
+use crate::brick::{HermiteEdge, SignChanges};
 use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey, RootCube};
+use crate::lattice::{Axis, BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,8 +14,8 @@ use std::collections::{BTreeMap, BTreeSet};
 const OWN: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
 /// The greatest fraction as stored: all solid.
 pub(super) const FULL: u16 = u16::MAX;
-/// Coarse samples before the tree's first one: the tent reaches one beyond it, and samples at the root's faces are outside.
-const BEFORE: i64 = 2;
+/// The share of samples beside the surface at which planes agree, of a part with sharp edges.
+const LEAST_AGREEING: f64 = 0.5;
 /// Sums that are as near to none or all as this are that, and rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -41,11 +43,19 @@ pub struct Lattice {
     bricks: BTreeMap<NodeKey, CoarseBrick>,
     /// By the code of the last leaf that may add to them, bricks that are open.
     open: BTreeSet<(u64, NodeKey)>,
+    /// By position, what is known of planes in bricks that are open.
+    open_sharp: BTreeMap<[i64; 3], OpenSharp>,
+    /// Bricks with samples that are the part's.
+    sharp: BTreeMap<NodeKey, Sharp>,
     /// Sum of all fractions.
     sum: f64,
     /// By fraction as stored, [`depth`].
     depths: Box<[f32]>,
-    /// By fraction as stored, how many samples have it.
+    /// At how many samples planes of the fine level agree, and at how many they do not.
+    agreeing: [u64; 2],
+    /// By fraction as stored, how many of the samples at which planes agree have it.
+    exact_counts: Box<[u64]>,
+    /// By fraction as stored, how many of the others have it.
     counts: Box<[u64]>,
 }
 
@@ -66,14 +76,18 @@ impl Lattice {
         let origin = first.map(|c| c - BEFORE as f64 * cell - unit);
         let depths = (0..=u16::MAX).map(|f| depth(f64::from(f) / f64::from(FULL)) as f32).collect();
         let root = RootCube { origin, edge };
-        let counts = vec![0; usize::from(FULL) + 1].into();
+        let counts: Box<[u64]> = vec![0; usize::from(FULL) + 1].into();
         Ok(Lattice {
             factor,
             root,
             level,
             bricks: BTreeMap::new(),
             open: BTreeSet::new(),
+            open_sharp: BTreeMap::new(),
+            sharp: BTreeMap::new(),
             sum: 0.0,
+            agreeing: [0; 2],
+            exact_counts: counts.clone(),
             depths,
             counts,
         })
@@ -139,18 +153,68 @@ impl Lattice {
         depths
     }
 
+    /// Whether planes agree at so many samples that those are the part's, as of CAD parts. Beads have some flat faces as well;
+    /// these would lie beside what moves with the level.
+    fn is_sharp(&self) -> bool {
+        let [agreeing, others] = self.agreeing;
+        agreeing as f64 >= LEAST_AGREEING * (agreeing + others) as f64
+    }
+
+    /// Gives samples that are the part's their sides, of a brick and its apron.
+    pub(super) fn sharpen(&self, key: NodeKey, signs: &mut SignChanges) {
+        for octant in Octant::all() {
+            let ahead = octant.offset();
+            let Some(sharp) = self.sharp_ahead(key, ahead) else { continue };
+            let range = |a: usize| if ahead[a] == 1 { BRICK_CELLS..BRICK_CELLS + 1 } else { 0..BRICK_CELLS };
+            for (k, j) in range(2).flat_map(|k| range(1).map(move |j| (k, j))) {
+                let [exact, inside] =
+                    sharp.row(j % BRICK_CELLS, k % BRICK_CELLS).map(|bits| match ahead[0] {
+                        1 => u64::from(bits & 1) << BRICK_CELLS,
+                        _ => u64::from(bits),
+                    });
+                signs.set_row(j, k, signs.row(j, k) & !exact | inside);
+            }
+        }
+    }
+
+    /// The part's crossing of an edge of a brick, if both ends are the part's and it has one.
+    pub(super) fn crossing(&self, key: NodeKey, axis: Axis, low: [usize; 3]) -> Option<HermiteEdge> {
+        let mut high = low;
+        high[axis.index()] += 1;
+        let at = |ijk: [usize; 3]| {
+            let within = ijk.map(|c| c % BRICK_CELLS);
+            self.sharp_ahead(key, ijk.map(|c| c / BRICK_CELLS)).map(|sharp| (sharp, within))
+        };
+        let is_exact = |(sharp, [i, j, k]): (&Sharp, [usize; 3])| sharp.is_exact((k << 5 | j) << 5 | i);
+        at(high).filter(|found| is_exact(*found))?;
+        let (sharp, within) = at(low).filter(|found| is_exact(*found))?;
+        sharp.crossing(axis, within)
+    }
+
+    /// Of the brick that lies so many bricks ahead along each axis.
+    fn sharp_ahead(&self, key: NodeKey, ahead: [usize; 3]) -> Option<&Sharp> {
+        if !self.is_sharp() {
+            return None;
+        }
+        key.neighbour(ahead.map(|c| c as i32)).and_then(|key| self.sharp.get(&key))
+    }
+
     /// About the volume within the surface at a depth, in the cube of the tree's unit: each sample stands for a cell, or for
     /// part of one at the surface.
     pub(super) fn volume_within(&self, at: f64) -> f64 {
-        let part = |depth: f32| (f64::from(depth) - at + 0.5).clamp(0.0, 1.0);
-        let samples = self.depths.iter().zip(&self.counts).map(|(&depth, &count)| part(depth) * count as f64);
-        samples.sum::<f64>() * self.cell().powi(3)
+        let sum = |counts: &[u64], at: f64| {
+            self.depths.iter().zip(counts).map(|(&depth, &count)| part(depth, at) * count as f64).sum::<f64>()
+        };
+        let exact = sum(&self.exact_counts, if self.is_sharp() { 0.0 } else { at });
+        (sum(&self.counts, at) + exact) * self.cell().powi(3)
     }
 
     /// Heap bytes of all bricks.
     fn bytes(&self) -> u64 {
         let mixed = self.mixed().count() as u64;
-        (mixed * 2 + self.open.len() as u64 * 8) * OWN as u64
+        let open_sharp = self.open_sharp.values().map(OpenSharp::bytes).sum::<u64>();
+        let sharp = self.sharp.values().map(Sharp::bytes).sum::<u64>();
+        (mixed * 2 + self.open.len() as u64 * 8) * OWN as u64 + open_sharp + sharp
     }
 
     /// Adds what a leaf adds.
@@ -187,14 +251,30 @@ impl Lattice {
             let Some(CoarseBrick::Open(sums)) = self.bricks.remove(&key) else { continue };
             self.sum += sums.iter().sum::<f64>();
             let fractions: Box<[u16]> = sums.iter().map(|&sum| stored(sum)).collect();
-            fractions.iter().for_each(|&f| self.counts[usize::from(f)] += 1);
+            let position = key.position().map(i64::from);
+            let sharp = self.open_sharp.remove(&position).and_then(|open| {
+                let agreeing = open.agreeing();
+                self.agreeing = [0, 1].map(|n| self.agreeing[n] + agreeing[n]);
+                open.complete()
+            });
+            for (place, &f) in fractions.iter().enumerate() {
+                let is_exact = sharp.as_ref().is_some_and(|sharp| sharp.is_exact(place));
+                let counts = if is_exact { &mut self.exact_counts } else { &mut self.counts };
+                counts[usize::from(f)] += 1;
+            }
             if fractions.iter().all(|&f| f == FULL) {
                 self.bricks.insert(key, CoarseBrick::Full);
             } else if fractions.iter().any(|&f| f > 0) {
                 self.bricks.insert(key, CoarseBrick::Mixed(fractions));
+                self.sharp.extend(sharp.map(|sharp| (key, sharp)));
             }
         }
     }
+}
+
+/// About what a sample of some depth stands for, in cells, within the surface at another.
+fn part(depth: f32, at: f64) -> f64 {
+    (f64::from(depth) - at + 0.5).clamp(0.0, 1.0)
 }
 
 /// A fraction as stored: none and all are kept apart from what is nearly so.
@@ -251,12 +331,16 @@ pub fn fractions(
     let order = LeafOrder::new(tree)?;
     progress.phase("fractions", Some(order.keys().len() as u64), "bricks");
     let make = |leaf: &Leaf<'_>| {
-        Ok(factors.iter().map(|&factor| block(leaf.key, leaf.brick, finest, factor)).collect::<Vec<_>>())
+        let of = |&factor: &u32| {
+            (block(leaf.key, leaf.brick, finest, factor), planes(leaf.key, leaf.brick, finest, factor))
+        };
+        Ok(factors.iter().map(of).collect::<Vec<_>>())
     };
     let last = order.keys().len().saturating_sub(1);
-    visit(tree, order.keys(), progress, make, |number, blocks: Vec<Option<SumBox>>| {
+    visit(tree, order.keys(), progress, make, |number, blocks: Vec<(Option<SumBox>, LeafPlanes)>| {
         let code = if number == last { u64::MAX } else { order.keys()[number].post_order().0 };
-        for ((lattice, block), &factor) in lattices.iter_mut().zip(&blocks).zip(factors) {
+        for ((lattice, (block, planes)), &factor) in lattices.iter_mut().zip(blocks).zip(factors) {
+            sharp::add(planes, &mut lattice.open_sharp);
             block.iter().for_each(|block| lattice.add(block, (finest, factor)));
             lattice.complete(code);
         }

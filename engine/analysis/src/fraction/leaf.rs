@@ -18,20 +18,20 @@ pub(super) struct SumBox {
 type Weights = Vec<(usize, f64)>;
 
 /// A leaf on the coarse lattice: along each axis where it begins and what weight each of its lines of samples has.
-struct Plan {
-    first: [i64; 3],
-    size: [usize; 3],
+pub(super) struct Plan {
+    pub first: [i64; 3],
+    pub size: [usize; 3],
     /// Its first sample in coarse cells.
-    base: [f64; 3],
+    pub base: [f64; 3],
     /// A cell of its own in coarse cells.
-    step: f64,
+    pub step: f64,
     /// Where a sample stands for more than one of the finest spacing, the one of the apron has a share, too.
     lines: [Vec<Weights>; 3],
 }
 
 impl Plan {
     /// Of a leaf of a tree whose finest level is `finest`, `factor` of whose cells are one coarse cell.
-    fn new(key: NodeKey, finest: u8, factor: u32) -> Plan {
+    pub fn new(key: NodeKey, finest: u8, factor: u32) -> Plan {
         let fine = 1usize << (finest - key.level());
         let begins = key.first_sample().map(|n| n as usize * fine);
         let factor_wide = f64::from(factor);

@@ -8,10 +8,14 @@ use crate::progress::Progress;
 
 /// How near to the volume a surface is to be, as a share of it.
 const NEAR: f64 = 1e-4;
+/// The share of the first surface's error that one far off it may have at most.
+const WORTH: f64 = 0.5;
 /// Surfaces that are measured at most.
 const TRIES: usize = 8;
 /// The farthest from the surface of one half, in coarse cells: beyond a cell nothing is known.
 const FARTHEST: f64 = 0.98;
+/// So far in coarse cells samples without solid, and those with nothing else, do not count.
+const SLIGHT: f64 = 0.4;
 /// How often the interval of depths is halved to begin with: to less than a ten-thousandth of a cell.
 const HALVINGS: usize = 15;
 
@@ -67,27 +71,40 @@ pub fn keep_volume(
 ) -> Result<LevelSurface> {
     let mut search = Search::new();
     let mut next = first.unwrap_or_else(|| depth_of(lattice, volume));
-    let mut best: Option<LevelSurface> = None;
+    let (mut first, mut best): (Option<(f64, LevelSurface)>, Option<LevelSurface>) = (None, None);
+    let mut last = None;
     for _ in 0..TRIES {
         let summary = measure(&FractionTree::new(lattice, next), options, progress)?;
         let off = summary.volume - volume;
         let is_near = off.abs() <= NEAR * volume;
+        let found = LevelSurface { depth: next, fraction: fraction_at(next), summary, is_near };
+        first.get_or_insert((off.abs(), found));
         if best.is_none_or(|best| off.abs() < (best.summary.volume - volume).abs()) {
-            best = Some(LevelSurface { depth: next, fraction: fraction_at(next), summary, is_near });
+            best = Some(found);
         }
-        if is_near || search.is_over() {
+        // Where all samples are the part's, no surface is another.
+        let is_same = last == Some(summary.volume);
+        last = Some(summary.volume);
+        if is_near || is_same || search.is_over() {
             break;
         }
         // By how much cells and the mesh differ changes little from one surface to the next.
         let guess = depth_of(lattice, lattice.volume_within(next) - off);
         next = search.next(next, off, guess);
     }
-    Ok(best.expect("one is measured at least"))
+    let ((first_off, first), best) = first.zip(best).expect("one is measured at least");
+    // What is sharp does not move: then a level far off is no better.
+    let is_worth = best.is_near || (best.summary.volume - volume).abs() < WORTH * first_off;
+    Ok(if is_worth { best } else { first })
 }
 
 /// The surface within which cells hold about this volume.
 pub(super) fn depth_of(lattice: &Lattice, volume: f64) -> f64 {
     let (mut inside, mut outside) = (-FARTHEST, FARTHEST);
+    // Where all samples are the part's, nothing moves.
+    if lattice.volume_within(-SLIGHT) - lattice.volume_within(SLIGHT) <= NEAR * volume {
+        return 0.0;
+    }
     for _ in 0..HALVINGS {
         let middle = 0.5 * (inside + outside);
         if lattice.volume_within(middle) > volume { inside = middle } else { outside = middle }

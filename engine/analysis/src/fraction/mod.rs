@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `kernel` | the tent by which solid is averaged |
 //! | `leaf` | what one leaf adds, by chords between exact crossings |
+//! | `sharp` | where planes of the fine level agree, so that edges stay sharp |
 //! | `lattice` | all sums, brick by brick, completed as leaves pass in Morton order |
 //! | `tree` | a surface of the fractions as a tree that can be contoured |
 //! | `level` | the surface that keeps the volume |
@@ -21,6 +22,7 @@ mod kernel;
 mod lattice;
 mod leaf;
 mod level;
+mod sharp;
 mod size;
 #[cfg(test)]
 mod tests;

@@ -94,13 +94,12 @@ fn surfaces_keep_the_volume_and_faces_of_a_box_stay_where_they_are() {
     for lattice in fractions(&tree, &[2, 5, 9], u64::MAX, &Silent).unwrap() {
         let kept = keep_volume(&lattice, lattice.volume(), None, &options, &Silent).unwrap();
         assert!(kept.is_near && (kept.summary.volume / lattice.volume() - 1.0).abs() < 2e-4);
-        // Only edges and corners are rounded, so the surface hardly moves.
-        assert!(kept.depth.abs() < 0.2, "{kept:?}");
+        // Edges and corners are sharp, so nothing moves.
+        assert_eq!(kept.depth, 0.0, "{kept:?}");
         let half = surface(&lattice, 0.5, &options, &Silent).unwrap().summary;
         let [low, high] = half.bounds.unwrap();
         for a in 0..3 {
-            // Vertices at rounded edges stand out a little.
-            let within = 0.1 * lattice.cell();
+            let within = 1e-4 * lattice.cell();
             assert!((f64::from(low[a]) - CENTRE[a] + 1.2).abs() < within, "{low:?}");
             assert!((f64::from(high[a]) - CENTRE[a] - 1.2).abs() < within, "{high:?}");
         }

@@ -39,7 +39,8 @@ impl<'a> FractionTree<'a> {
         let infos: Vec<(NodeKey, NodeInfo, u64)> = drawn
             .par_iter()
             .map(|&key| {
-                let signs = signs(&lattice.depths_around(key), depth);
+                let mut signs = signs(&lattice.depths_around(key), depth);
+                lattice.sharpen(key, &mut signs);
                 let (info, edges) = info(&signs);
                 (key, info, edges)
             })
@@ -123,8 +124,12 @@ fn info(signs: &SignChanges) -> (NodeInfo, u64) {
     (info, edges)
 }
 
-/// The crossings on all edges that change sign: positions between two samples by their depths, normals against the gradient.
-fn hermite(signs: &SignChanges, depths: &[f32], depth: f32) -> Hermite {
+/// The crossings on all edges that change sign, those of the part where `exact` has them: positions between two samples by their depths, normals against the gradient.
+fn hermite(
+    signs: &SignChanges,
+    (depths, depth): (&[f32], f32),
+    exact: impl Fn(Axis, [usize; 3]) -> Option<HermiteEdge>,
+) -> Hermite {
     let gradient = |[i, j, k]: [usize; 3]| -> [f64; 3] {
         let strides = [1, AROUND, AROUND * AROUND];
         let place = ((k + 1) * AROUND + j + 1) * AROUND + i + 1;
@@ -133,10 +138,15 @@ fn hermite(signs: &SignChanges, depths: &[f32], depth: f32) -> Hermite {
     let edges = Axis::ALL.map(|axis| {
         let mut edges = Vec::new();
         signs.for_edges(axis, |low| {
+            if let Some(edge) = exact(axis, low) {
+                edges.push(edge);
+                return;
+            }
             let mut high = low;
             high[axis.index()] += 1;
             let [a, b] = [low, high].map(|ijk| f64::from(at(depths, ijk)) - f64::from(depth));
-            let t = (a / (a - b)).clamp(0.0, 1.0);
+            // Where a side is the part's, depths may say otherwise.
+            let t = if a == b { 0.5 } else { (a / (a - b)).clamp(0.0, 1.0) };
             let [ga, gb] = [low, high].map(gradient);
             let mut normal: [i64; 3] =
                 std::array::from_fn(|n| (-NORMAL_SCALE * (ga[n] + (gb[n] - ga[n]) * t)) as i64);
@@ -176,7 +186,8 @@ impl BrickTree for FractionTree<'_> {
             return Ok(Arc::new(Brick::Uniform(min)));
         }
         let depths = self.lattice.depths_around(key);
-        let signs = signs(&depths, self.depth);
+        let mut signs = signs(&depths, self.depth);
+        self.lattice.sharpen(key, &mut signs);
         let mut samples = Samples::filled(0);
         for k in 0..BRICK_POINTS {
             for j in 0..BRICK_POINTS {
@@ -185,7 +196,8 @@ impl BrickTree for FractionTree<'_> {
                 (0..BRICK_POINTS).for_each(|i| samples.0[start + i] = (row >> i & 1) as i16);
             }
         }
-        let hermite = hermite(&signs, &depths, self.depth);
+        let hermite =
+            hermite(&signs, (&depths, self.depth), |axis, low| self.lattice.crossing(key, axis, low));
         Ok(Arc::new(Brick::Counts { samples, hermite }))
     }
 }

@@ -192,6 +192,12 @@ impl Store {
         (size_of_val(self.index.entries()) + size_of_val(&self.identity[..])) as u64
     }
 
+    /// The store as messages shall name it: a temporary one by what it was made of.
+    #[must_use]
+    pub fn named(self, path: &Path) -> Store {
+        Store { path: path.to_owned(), ..self }
+    }
+
     /// The store with another bound on decoded bricks, of which none is kept yet.
     #[must_use]
     pub fn with_cache(self, cache_bytes: u64) -> Store {
