@@ -5,7 +5,7 @@
 //! store is that of the grid, so its samples are the grid's; crossings are where straight lines between samples pass the
 //! surface, and normals are gradients.
 //!
-//! To add a format, write a file that opens it, and add a line to [`FORMATS`].
+//! To add a format, write a file that opens it, and add a line to `FORMATS`.
 
 mod base64;
 mod description;
