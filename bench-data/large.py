@@ -191,7 +191,7 @@ def found(steps, store):
     """Voids, the same for each number of threads."""
     if steps.wanted("voids"):
         hashes = set()
-        for threads in (os.cpu_count(), 2, 3):
+        for threads in (os.cpu_count(), 3):
             table = steps.path("voids.csv")
             steps.run(f"voids, {threads} threads", "voids", store, "-q", "--memory", "512MiB", "-o", table, output=table,
                       threads=threads, cpus=every(), note=lambda _: f"{sum(1 for _ in open(table)) - 1:,} voids")

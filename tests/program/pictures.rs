@@ -548,10 +548,10 @@ fn what_cannot_be_drawn_is_said_in_a_line_and_leaves_nothing() {
     assert!(nothing.contains("leave nothing"), "{nothing}");
     for out in ["none/o.png", "none/o.svg"] {
         let line = run(&[&"slice", &store, &"--z", &"5", &"-o", &dir.path(out)]).failed();
-        assert!(line.contains("cannot create"), "{line}");
+        assert!(line.contains("create the directory first"), "{line}");
     }
     let line = run(&[&"render", &store, &"-o", &dir.path("none/o.png")]).failed();
-    assert!(line.contains("cannot create"), "{line}");
+    assert!(line.contains("create the directory first"), "{line}");
     let line = run(&[&"slice", &store, &"--all", &"z", &"--pitch", &"1", &"-o", &store]).failed();
     assert!(line.contains("overlap_boxes-1.brf"), "{line}");
 

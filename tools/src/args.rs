@@ -354,6 +354,9 @@ pub struct InfoArgs {
     /// Print it as JSON
     #[arg(long)]
     pub json: bool,
+    /// Threads to work with; all processors by default. Results do not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
     /// The unit of programs without G20 or G21 [default: as their header says, or mm]
     #[arg(long, alias = "units", value_enum)]
     pub unit: Option<Unit>,

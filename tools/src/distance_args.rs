@@ -46,7 +46,7 @@ pub struct ThicknessArgs {
     /// Measure gaps outside of the part instead of walls
     #[arg(long)]
     pub gaps: bool,
-    /// List what is thinner than this, as in 0.8mm
+    /// List what is thinner than this, as in 0.8mm, in the table of --regions
     #[arg(long, value_name = "LEN", requires = "regions")]
     pub below: Option<Length>,
     /// The table of regions thinner than --below; its name ends in .csv or .json

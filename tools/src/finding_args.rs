@@ -91,6 +91,9 @@ pub struct FindingArgs {
     /// Of voids: colour those of some classes alone, as in pocket,flaw
     #[arg(long, value_enum, value_name = "CLASS", value_delimiter = ',')]
     pub classes: Vec<ClassArg>,
+    /// Of voids: leave out smaller ones, in the cube of the store's unit
+    #[arg(long, value_name = "VOLUME")]
+    pub min_volume: Option<f64>,
     /// Of thickness: what it is, as in `thickness` [default: sphere]
     #[arg(long = "method", value_enum)]
     pub measure: Option<MeasureArg>,
@@ -130,6 +133,7 @@ impl FindingArgs {
         let all = [
             (self.colour_by.is_some(), "--colour-by", Voids),
             (!self.classes.is_empty(), "--classes", Voids),
+            (self.min_volume.is_some(), "--min-volume", Voids),
             (self.measure.is_some(), "--method", Thickness),
             (self.separation.is_some(), "--separation", Thickness),
             (self.gaps, "--gaps", Thickness),

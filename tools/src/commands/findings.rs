@@ -118,10 +118,13 @@ fn voids(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Findings, Fail
     let by = by.unwrap_or(if has_identity { ColourByArg::Class } else { ColourByArg::Size });
     let needs_classes = by == ColourByArg::Class || !args.finding.classes.is_empty();
     let detail = if needs_classes { Detail::Classes } else { Detail::Volumes };
-    let found = find(store, &VoidOptions { memory: args.memory, detail, ..VoidOptions::default() }, bars)?;
+    let min_volume = args.finding.min_volume.unwrap_or(0.0);
+    let options = VoidOptions { memory: args.memory, detail, min_volume, ..VoidOptions::default() };
+    let found = find(store, &options, bars)?;
     if found.voids.is_empty() && !args.quiet {
         bars.clear();
-        note(&format!("{name}: it has no voids, so the picture shows none"));
+        let which = if found.left_out > 0 { " so large" } else { "" };
+        note(&format!("{name}: it has no voids{which}, so the picture shows none"));
     }
     let classes: Vec<Class> = args.finding.classes.iter().map(|&class| class.into()).collect();
     let is_shown =

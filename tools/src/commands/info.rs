@@ -3,16 +3,15 @@
 use super::balance::Balance;
 use super::{
     info_cloud, info_devices, info_mesh, info_three_mf, info_toolpath, info_volume, info_x3d, open_store,
-    unit_of, volumes_text,
+    start, unit_of, volumes_text,
 };
 use crate::args::InfoArgs;
 use crate::failure::Failure;
 use crate::kinds::{FileKind, not_read};
 use crate::output::{in_line, one_line, print, print_json, warn};
 use crate::pieces::{negative, negative_text};
-use crate::progress::Bars;
 use crate::units::Size;
-use crate::work::ProgressArg;
+use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::analysis::{Volumes, volume, winding_range};
 use brickfield_engine::import::is_volume;
 use brickfield_engine::ingest::InputKind;
@@ -44,7 +43,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         let what = "--volume: this store is unfinished; give the command that builds it again, which goes on";
         return Err(anyhow::anyhow!("{}: {what}", file.display()).into());
     }
-    let bars = Bars::new(false, ProgressArg::Auto);
+    let bars = start(WorkArgs { threads: args.threads, quiet: false, progress: ProgressArg::Auto })?;
     let volumes = args.volume.then(|| volume(&store, &bars)).transpose()?;
     // Samples cannot know what lies between them; the source does.
     let source = store.meta().volumes.as_ref().map(Volumes::from);

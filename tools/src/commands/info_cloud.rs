@@ -36,7 +36,7 @@ impl Plan {
 
 /// Runs the command.
 pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
-    let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
+    let bars = start(WorkArgs { threads: args.threads, quiet: args.json, progress: ProgressArg::Auto })?;
     let opened = open_clouds(&[file.to_owned()], &[], false, &bars)?;
     let Some(cloud) = opened.and_then(|mut clouds| clouds.pop()) else { return Ok(()) };
     bars.phase("measuring", Some(cloud.cloud.points.len() as u64), "points");

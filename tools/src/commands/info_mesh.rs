@@ -32,7 +32,7 @@ struct MeshInfo<'a> {
 
 /// Runs the command.
 pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
-    let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
+    let bars = start(WorkArgs { threads: args.threads, quiet: args.json, progress: ProgressArg::Auto })?;
     let inputs = open_inputs(&[file.to_owned()], &[], &OpenOptions::default(), &bars)?;
     let input = &inputs[0];
     let path = input.path().display().to_string();

@@ -15,7 +15,7 @@ const LISTED: usize = 20;
 
 /// Runs the command.
 pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
-    let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
+    let bars = start(WorkArgs { threads: args.threads, quiet: args.json, progress: ProgressArg::Auto })?;
     let found = ThreeMf::read(file, &bars)?;
     bars.clear();
     if args.json {

@@ -17,7 +17,7 @@ pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     if args.volume {
         return Err(Failure::Usage("--volume takes a store, not a toolpath".to_owned()));
     }
-    let bars = start(WorkArgs { threads: None, quiet: args.json, progress: ProgressArg::Auto })?;
+    let bars = start(WorkArgs { threads: args.threads, quiet: args.json, progress: ProgressArg::Auto })?;
     let options = args.toolpath.options(args.unit)?;
     let sweep = Sweep::new(&options.sweep)?;
     let (mut bead_volume, mut fills) = (0.0, LayerFills::default());

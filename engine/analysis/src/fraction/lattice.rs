@@ -9,6 +9,7 @@ use crate::lattice::{Axis, BRICK_CELLS, MAX_LEVEL, NodeKey, Octant, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Samples of a brick without an apron.
 const OWN: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
@@ -16,6 +17,10 @@ const OWN: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
 pub(super) const FULL: u16 = u16::MAX;
 /// The share of samples beside the surface at which planes agree, of a part with sharp edges.
 const LEAST_AGREEING: f64 = 0.5;
+/// Where planes agree at a smaller share than this of the first samples, they are not looked for any more.
+const HOPELESS: f64 = 0.4;
+/// So many samples tell that.
+const TELLING: u64 = 20_000;
 /// Sums that are as near to none or all as this are that, and rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -55,6 +60,8 @@ pub struct Lattice {
     agreeing: [u64; 2],
     /// By fraction as stored, how many of the samples at which planes agree have it.
     exact_counts: Box<[u64]>,
+    /// Whether planes are not looked for any more.
+    is_rounded: bool,
     /// By fraction as stored, how many of the others have it.
     counts: Box<[u64]>,
 }
@@ -88,6 +95,7 @@ impl Lattice {
             sum: 0.0,
             agreeing: [0; 2],
             exact_counts: counts.clone(),
+            is_rounded: false,
             depths,
             counts,
         })
@@ -157,7 +165,20 @@ impl Lattice {
     /// these would lie beside what moves with the level.
     fn is_sharp(&self) -> bool {
         let [agreeing, others] = self.agreeing;
-        agreeing as f64 >= LEAST_AGREEING * (agreeing + others) as f64
+        !self.is_rounded && agreeing as f64 >= LEAST_AGREEING * (agreeing + others) as f64
+    }
+
+    /// Forgets planes where they are hopeless: of beads they would take most of the time and of the memory.
+    fn round_if_hopeless(&mut self) {
+        // Planes that do not agree never will; of others in open bricks that is not known yet.
+        let of_all = |n: usize| self.open_sharp.values().map(|open| open.agreeing()[n]).sum::<u64>();
+        let [agreeing, others] = [0, 1].map(|n| self.agreeing[n] + of_all(n));
+        let known = agreeing + others;
+        if known >= TELLING && (agreeing as f64) < HOPELESS * known as f64 {
+            self.is_rounded = true;
+            self.open_sharp.clear();
+            self.sharp.clear();
+        }
     }
 
     /// Gives samples that are the part's their sides, of a brick and its apron.
@@ -330,19 +351,30 @@ pub fn fractions(
         factors.iter().map(|&factor| Lattice::new(tree, finest, factor)).collect::<Result<Vec<_>>>()?;
     let order = LeafOrder::new(tree)?;
     progress.phase("fractions", Some(order.keys().len() as u64), "bricks");
+    // What comes after is ignored, so it does not matter which threads have seen it.
+    let rounded: Vec<AtomicBool> = factors.iter().map(|_| AtomicBool::new(false)).collect();
     let make = |leaf: &Leaf<'_>| {
-        let of = |&factor: &u32| {
-            (block(leaf.key, leaf.brick, finest, factor), planes(leaf.key, leaf.brick, finest, factor))
+        let of = |(&factor, rounded): (&u32, &AtomicBool)| {
+            let made = block(leaf.key, leaf.brick, finest, factor);
+            let is_rounded = rounded.load(Ordering::Relaxed);
+            let planes = if is_rounded { None } else { Some(planes(leaf.key, leaf.brick, finest, factor)) };
+            (made, planes.unwrap_or_default())
         };
-        Ok(factors.iter().map(of).collect::<Vec<_>>())
+        Ok(factors.iter().zip(&rounded).map(of).collect::<Vec<_>>())
     };
     let last = order.keys().len().saturating_sub(1);
     visit(tree, order.keys(), progress, make, |number, blocks: Vec<(Option<SumBox>, LeafPlanes)>| {
         let code = if number == last { u64::MAX } else { order.keys()[number].post_order().0 };
-        for ((lattice, (block, planes)), &factor) in lattices.iter_mut().zip(blocks).zip(factors) {
-            sharp::add(planes, &mut lattice.open_sharp);
-            block.iter().for_each(|block| lattice.add(block, (finest, factor)));
+        for (n, (lattice, (block, planes))) in lattices.iter_mut().zip(blocks).enumerate() {
+            if !lattice.is_rounded {
+                sharp::add(planes, &mut lattice.open_sharp);
+            }
+            block.iter().for_each(|block| lattice.add(block, (finest, factors[n])));
             lattice.complete(code);
+            if number.is_power_of_two() && !lattice.is_rounded {
+                lattice.round_if_hopeless();
+            }
+            rounded[n].store(lattice.is_rounded, Ordering::Relaxed);
         }
         if (number.is_multiple_of(64) || number == last)
             && lattices.iter().map(Lattice::bytes).sum::<u64>() > memory

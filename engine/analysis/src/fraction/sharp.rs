@@ -7,7 +7,7 @@ use crate::brick::{Brick, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey, dot};
 use std::collections::BTreeMap;
 
-/// AgreeingPlanes that may meet at a corner.
+/// Planes that may meet at a corner.
 const MOST_PLANES: usize = 3;
 /// The least cosine between the normals of crossings of one plane.
 const ALIKE: f64 = 0.99;

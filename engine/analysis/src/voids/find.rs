@@ -4,11 +4,11 @@ use super::boundary::{Boundaries, boundaries};
 use super::cad::cad_shares;
 use super::class::{Class, class_of};
 use super::components::Connectivity;
-use super::labelling::{Labelling, label};
+use super::labelling::{Component, Labelling, label};
 use super::points::{Point, PointTree, distance, inscribed};
 use super::pores::{Pore, Pores, pores};
 use super::sealed::{SealFindings, SubcellField, sealed};
-use super::surface::{VoidSurface, surfaces};
+use super::surface::{FARTHEST_BYTES, VoidSurface, surfaces};
 use super::totals::Total;
 use super::trace::{Trace, Tracer, has_sparse_infill};
 use crate::error::Result;
@@ -23,6 +23,11 @@ use std::f64::consts::PI;
 /// Bytes that a point of a boundary takes while distances are measured.
 const POINT_BYTES: u64 = 64;
 
+/// Bytes of a void with its sums and its surface while it is measured.
+const VOID_BYTES: u64 =
+    (size_of::<Void>() + size_of::<Component>() + size_of::<VoidSurface>() + FARTHEST_BYTES) as u64;
+/// Bytes for bricks and points however many voids there are.
+const LEAST_BYTES: u64 = 32 << 20;
 /// Largest balls are found to this share of a cell.
 const NEARER_BALL: f64 = 0.01;
 
@@ -269,7 +274,10 @@ impl Voids {
             let centroid = labelling.components[component].sums.centroid()?;
             is_void(component).then(|| root.to_world(centroid))
         };
-        let cache_bytes = usize::try_from(options.memory / 2).unwrap_or(usize::MAX);
+        // What is kept of voids is not there for bricks and points.
+        let kept = measured.iter().filter(|is_measured| **is_measured).count() as u64 * VOID_BYTES;
+        let rest = (options.memory / 2).saturating_sub(kept).max(LEAST_BYTES);
+        let cache_bytes = usize::try_from(rest).unwrap_or(usize::MAX);
         let mut surfaces = surfaces(store, labelling, &centre, (cache_bytes, options.meshes), progress)?;
         self.take(measured, &mut surfaces, (root, root.spacing(store.meta().depth)));
         if options.detail == Detail::Volumes {
@@ -277,7 +285,7 @@ impl Voids {
         }
         let labelling = &self.labelling;
         let tracer = Tracer::new(store)?;
-        let most = usize::try_from(options.memory / 2 / POINT_BYTES).unwrap_or(usize::MAX);
+        let most = usize::try_from(rest / POINT_BYTES).unwrap_or(usize::MAX);
         let pores = self.pores.as_ref();
         let Boundaries { voids: points, outer, around } =
             boundaries(store, labelling, &is_void, pores, tracer.as_ref(), most, progress)?;

@@ -17,6 +17,8 @@ use std::collections::BTreeMap;
 
 /// Directions in which the farthest vertices of a void are kept, to find the smallest ball around it.
 const DIRECTIONS: usize = 49;
+/// Bytes of these.
+pub(super) const FARTHEST_BYTES: usize = size_of::<[[f32; 3]; DIRECTIONS]>();
 /// A polygon is corrected if it misses the crossing by no more than this share of its extent: a sharp edge that is not
 /// followed may miss by more and tells nothing of curvature.
 const CURVED_MOST: f64 = 0.3;

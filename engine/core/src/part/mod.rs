@@ -77,7 +77,8 @@ impl PartFile {
             return Err(Error::store(path, "output", what, "choose the name of a file"));
         }
         let part = part_path(path);
-        let file = disk.open_locked(&part).map_err(Error::io(path, "create"))?.ok_or_else(|| busy(path))?;
+        let file = disk.open_locked(&part).map_err(|error| not_created(path, error))?;
+        let file = file.ok_or_else(|| busy(path))?;
         let (buffer, written) = (Vec::with_capacity(BUFFER_BYTES), Mutex::default());
         let created = PartFile {
             disk,
@@ -256,6 +257,14 @@ pub fn part_path(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".part");
     PathBuf::from(name)
+}
+
+fn not_created(path: &Path, error: io::Error) -> Error {
+    if error.kind() == io::ErrorKind::NotFound && !directory_of(path).is_dir() {
+        let what = "its directory does not exist";
+        return Error::store(path, "output", what, "create the directory first");
+    }
+    Error::io(path, "create")(error)
 }
 
 /// The error of a file that another process is writing.

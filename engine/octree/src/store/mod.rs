@@ -51,7 +51,7 @@ pub use source::Io;
 pub use summary::{LevelSummary, NodeNumbers, StoreSummary};
 pub use tree::{BrickTree, MemoryTree, NodeInfo};
 pub use verify::{Damage, VerifyReport};
-pub use visit::{LEAVES_AHEAD, Leaf, LeafOrder, visit};
+pub use visit::{LEAVES_AHEAD, Leaf, LeafOrder, visit, visit_siblings};
 pub use volumes::{Estimate, LayerVolumes, SourceVolumes, SweptVolumes};
 pub use writer::{Stats, StoreWriter, check_target};
 

@@ -12,11 +12,15 @@ use crate::error::{Error, Result};
 use crate::lattice::{Axis, MAX_LEVEL, NodeKey, Octant};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
+use std::ops::Range;
 
 /// Leaves that a thread takes at once: few enough to even out their cost.
 const LEAVES_AT_ONCE: usize = 8;
 /// Leaves a thread that are made ahead of the one that is taken.
 pub const LEAVES_AHEAD: usize = 8 * LEAVES_AT_ONCE;
+
+/// Families of eight leaves a thread that are made ahead of the one that is taken.
+const SIBLINGS_AHEAD: usize = 4;
 
 /// One leaf, as the visitor shows it.
 #[derive(Clone, Copy, Debug)]
@@ -133,6 +137,52 @@ pub fn visit<T: Send>(
     make: impl Fn(&Leaf<'_>) -> Result<T> + Sync,
     mut take: impl FnMut(usize, T) -> Result<()> + Send,
 ) -> Result<()> {
+    let parts: Vec<Range<usize>> = (0..keys.len())
+        .step_by(LEAVES_AT_ONCE)
+        .map(|first| first..(first + LEAVES_AT_ONCE).min(keys.len()))
+        .collect();
+    let window = LEAVES_AHEAD / LEAVES_AT_ONCE;
+    let join = |_: &[NodeKey], made| Ok(made);
+    visit_parts(tree, keys, (&parts, window), progress, (make, join), |first, made: Vec<T>| {
+        made.into_iter().enumerate().try_for_each(|(n, made)| take(first + n, made))
+    })
+}
+
+/// Visits all leaves as [`visit`] does, but hands what `make` gives of eight leaves with one parent to `join` at once, on any
+/// thread, and of every other leaf alone. `take` gets the number of the first of them, and what `join` gives.
+///
+/// # Errors
+/// As [`visit`], and what `join` gives.
+pub fn visit_siblings<T, U: Send>(
+    tree: &dyn BrickTree,
+    order: &LeafOrder,
+    progress: &dyn Progress,
+    make: impl Fn(&Leaf<'_>) -> Result<T> + Sync,
+    join: impl Fn(&[NodeKey], Vec<T>) -> Result<U> + Sync,
+    take: impl FnMut(usize, U) -> Result<()> + Send,
+) -> Result<()> {
+    let (keys, mut parts, mut at) = (order.keys(), Vec::new(), 0);
+    while at < keys.len() {
+        let is_whole = keys.get(at + 7).is_some_and(|last| {
+            // Leaves between the first and the last child of a node are children of it.
+            last.level() == keys[at].level() && last.parent() == keys[at].parent() && last.level() > 0
+        });
+        let count = if is_whole { 8 } else { 1 };
+        parts.push(at..at + count);
+        at += count;
+    }
+    visit_parts(tree, keys, (&parts, SIBLINGS_AHEAD), progress, (make, join), take)
+}
+
+/// Visits leaves part by part, with so many parts a thread ahead of the one that is taken.
+fn visit_parts<T, U: Send>(
+    tree: &dyn BrickTree,
+    keys: &[NodeKey],
+    (parts, window): (&[Range<usize>], usize),
+    progress: &dyn Progress,
+    (make, join): (impl Fn(&Leaf<'_>) -> Result<T> + Sync, impl Fn(&[NodeKey], Vec<T>) -> Result<U> + Sync),
+    mut take: impl FnMut(usize, U) -> Result<()> + Send,
+) -> Result<()> {
     let uniform = |number: usize| tree.node(keys[number]).and_then(|node| node.uniform());
     let walk = Walk::new(tree, keys.len(), |number| uniform(number).is_none().then(|| keys[number]));
     let one = |number: usize| {
@@ -144,17 +194,16 @@ pub fn visit<T: Send>(
     };
     let work = |(): &mut (), part: usize| {
         progress.check()?;
-        let numbers = part * LEAVES_AT_ONCE..((part + 1) * LEAVES_AT_ONCE).min(keys.len());
+        let numbers = parts[part].clone();
         walk.at(numbers.start);
-        let first = numbers.start;
-        Ok((first, numbers.map(one).collect::<Result<Vec<T>>>()?))
+        let made = numbers.clone().map(one).collect::<Result<Vec<T>>>()?;
+        Ok((part, join(&keys[numbers], made)?))
     };
-    let take = |(first, made): (usize, Vec<T>)| {
-        progress.advance(made.len() as u64);
-        made.into_iter().enumerate().try_for_each(|(n, made)| take(first + n, made))
+    let take = |(part, made): (usize, U)| {
+        progress.advance(parts[part].len() as u64);
+        take(parts[part].start, made)
     };
-    let window = LEAVES_AHEAD / LEAVES_AT_ONCE * rayon::current_num_threads();
-    run_ordered(keys.len().div_ceil(LEAVES_AT_ONCE), window, || (), work, take)
+    run_ordered(parts.len(), window * rayon::current_num_threads(), || (), work, take)
 }
 
 #[cfg(test)]
@@ -200,6 +249,22 @@ mod tests {
             pool.install(|| visit(&tree, order.keys(), &Silent, make, take)).unwrap();
             assert_eq!(seen, (0..15).map(|n| (n, (n, n as i16))).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn families_come_at_once_and_other_leaves_alone() {
+        let tree = uneven();
+        let order = LeafOrder::new(&tree).unwrap();
+        let mut seen = Vec::new();
+        let join = |keys: &[NodeKey], made: Vec<i16>| Ok((keys.len(), made));
+        let take = |first, joined| {
+            seen.push((first, joined));
+            Ok(())
+        };
+        visit_siblings(&tree, &order, &Silent, |leaf| Ok(leaf.brick.sample([0; 3])), join, take).unwrap();
+        let mut expected = vec![(0, (8, (0..8).collect()))];
+        expected.extend((8..15).map(|n| (n as usize, (1, vec![n]))));
+        assert_eq!(seen, expected);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::bsp::{NodeCells, SplatInput};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
 use crate::progress::Progress;
-use crate::store::{BrickTree, Leaf, LeafOrder, visit};
+use crate::store::{BrickTree, Leaf, LeafOrder, visit_siblings};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -63,13 +63,24 @@ impl SplatLevels {
         let parts = super::cluster::PARTS as f64 / tree.root().unit();
         let tolerance = options.error.map_or(-1.0, |error| error * parts);
         let make = |leaf: &Leaf<'_>| Ok(cells(leaf.key, leaf.brick));
+        // Leaves are merged on all threads, what lies above them as it comes.
+        let join = |keys: &[NodeKey], faces: Vec<Vec<CellClusters>>| {
+            let mut nodes: Vec<OpenNode> =
+                keys.iter().zip(faces).map(|(&key, faces)| OpenNode { key, faces }).collect();
+            Ok(match nodes[0].key.parent() {
+                Some(key) if nodes.len() == 8 => merged(key, &nodes, tolerance, deepest),
+                _ => (nodes.swap_remove(0), Vec::new()),
+            })
+        };
         let mut open = Vec::new();
-        visit(tree, order.keys(), progress, make, |number, faces| {
-            open.push(OpenNode { key: order.keys()[number], faces });
+        let take = |_, (node, kept): (OpenNode, Vec<(NodeKey, NodeCells<SplatInput>)>)| {
+            kept.into_iter().try_for_each(|(key, cells)| levels.keep(key, cells))?;
+            open.push(node);
             levels.close(&mut open, tolerance)
-        })?;
+        };
+        visit_siblings(tree, &order, progress, make, join, take)?;
         if let Some(root) = open.pop() {
-            levels.keep(root.key, &root.faces)?;
+            levels.keep(root.key, as_written(&root))?;
         }
         Ok(levels)
     }
@@ -81,27 +92,16 @@ impl SplatLevels {
             && let Some(key) = last.key.parent()
         {
             let children = open.split_off(open.len() - 8);
-            let faces = parents(key, &children, tolerance, key.level() < self.deepest);
-            if key.level() < self.deepest {
-                for child in &children {
-                    self.keep(child.key, &child.faces)?;
-                }
-            }
-            open.push(OpenNode { key, faces });
+            let (node, kept) = merged(key, &children, tolerance, self.deepest);
+            kept.into_iter().try_for_each(|(key, cells)| self.keep(key, cells))?;
+            open.push(node);
         }
         Ok(())
     }
 
-    fn keep(&mut self, key: NodeKey, faces: &[CellClusters]) -> Result<()> {
-        if faces.is_empty() {
+    fn keep(&mut self, key: NodeKey, piece: NodeCells<SplatInput>) -> Result<()> {
+        if piece.cells.is_empty() {
             return Ok(());
-        }
-        let (mut piece, mut wanted) = (NodeCells::new(), Vec::new());
-        for face in faces {
-            let centre = centre_of(key, face.at);
-            wanted.clear();
-            wanted.extend(face.clusters.iter().map(|cluster| cluster.wanted(centre, cell_of(key))));
-            piece.add(face.at, &wanted, face.clips, face.divided);
         }
         if let Some(spilled) = &mut self.spilled
             && key.level() == self.deepest
@@ -167,6 +167,31 @@ impl SplatLevels {
             None => Ok(()),
         }
     }
+}
+
+/// A node from its eight children, and the children as they are written where they are not too deep.
+fn merged(
+    key: NodeKey,
+    children: &[OpenNode],
+    tolerance: f64,
+    deepest: u8,
+) -> (OpenNode, Vec<(NodeKey, NodeCells<SplatInput>)>) {
+    let is_above = key.level() < deepest;
+    let faces = parents(key, children, tolerance, is_above);
+    let kept = if is_above { children } else { &[] };
+    (OpenNode { key, faces }, kept.iter().map(|child| (child.key, as_written(child))).collect())
+}
+
+/// The cells of a node as they are written.
+fn as_written(node: &OpenNode) -> NodeCells<SplatInput> {
+    let (mut piece, mut wanted) = (NodeCells::new(), Vec::new());
+    for face in &node.faces {
+        let centre = centre_of(node.key, face.at);
+        wanted.clear();
+        wanted.extend(face.clusters.iter().map(|cluster| cluster.wanted(centre, cell_of(node.key))));
+        piece.add(face.at, &wanted, face.clips, face.divided);
+    }
+    piece
 }
 
 /// The cells of a node from those of its children.
