@@ -395,7 +395,9 @@ fn what_cannot_be_compared_is_a_line() {
         let text = run(&[&"deviation", &part, &other, &"-o", &out]).failed();
         assert!(text.contains(words), "{text}");
     }
-    assert!(run(&[&"deviation", &part, &own, &"-o", &nowhere]).failed().contains("check the path"));
+    assert!(
+        run(&[&"deviation", &part, &own, &"-o", &nowhere]).failed().contains("create the directory first")
+    );
     run(&[&"deviation", &part, &own, &"-o", &dir.path("d.stl")]).misused();
     run(&[&"deviation", &part, &own, &"-o", &out, &"--regions", &dir.path("r.csv")]).misused();
     run(&[&"thickness", &part, &"-o", &out, &"--separation", &"181"]).misused();

@@ -67,7 +67,7 @@ fn layers_without_a_toolpath_need_a_pitch() {
     assert!(printed.starts_with(header), "{printed}");
     run(&[&"layers", &part, &"-o", &dir.path("l.txt")]).misused();
     let bad = run(&[&"layers", &part, &"--pitch", &"1", &"-o", &dir.path("no/l.csv"), &"-q"]).failed();
-    assert!(bad.contains("check the path"), "{bad}");
+    assert!(bad.contains("create the directory first"), "{bad}");
     let refused = run(&[&"overlap", &part, &"-q"]).failed();
     assert!(refused.contains("--identity") && refused.lines().count() == 1, "{refused}");
 }

@@ -283,7 +283,12 @@ fn what_cannot_be_shown_is_a_line() {
     run(&[&"render", &boxes, &"--style", &"voids", &"--size", &"30x20", &"-o", &png])
         .ok_but_for("it has no voids");
     run(&[&"slice", &boxes, &"--z", &"5", &"--style", &"voids", &"-o", &png]).ok_but_for("it has no voids");
-    std::fs::remove_file(&png).unwrap();
+    let ladder = dir.store("void_ladder", 1);
+    let draw: [&dyn AsRef<OsStr>; 6] = [&"render", &ladder, &"--style", &"voids", &"-o", &png];
+    run(&[&draw[..], &[&"--size", &"30x20", &"--min-volume", &"1e9"]].concat())
+        .ok_but_for("it has no voids so large");
+    run(&[&draw[..], &[&"--min-volume=-1"]].concat()).misused();
+    [&png, &ladder].map(|file| std::fs::remove_file(file).unwrap());
     for style in ["voids", "thickness"] {
         let line = run(&[&"render", &open, &"--style", &style, &"-o", &png]).failed();
         assert!(line.contains("made from open input"), "{line}");

@@ -62,7 +62,7 @@ fn a_part_without_voids_is_an_empty_table() {
     );
     assert_eq!(text.lines().count(), 1);
     let bad = run(&[&"voids", &part, &"-o", &dir.path("nowhere/v.csv"), &"-q"]).failed();
-    assert!(bad.contains("check the path"), "{bad}");
+    assert!(bad.contains("create the directory first"), "{bad}");
     run(&[&"voids", &part, &"-o", &dir.path("v.txt")]).misused();
     for (option, value) in [("--min-volume", "nan"), ("--min-volume=-1", "-q"), ("--max-porosity", "1.5")] {
         run(&[&"voids", &part, &"-o", &out, &option, &value]).misused();
@@ -179,7 +179,7 @@ fn voids_are_written_as_meshes_and_labels() {
     run(&[&"voids", &part, &"-o", &out, &"--mesh", &dir.path("v.stl")]).misused();
     run(&[&"voids", &part, &"-o", &out, &"--labels", &dir.path("v.csv")]).misused();
     let bad = run(&[&"voids", &part, &"-o", &out, &"--mesh", &dir.path("no/v.ply"), &"-q"]).failed();
-    assert!(bad.contains("check the path"), "{bad}");
+    assert!(bad.contains("create the directory first"), "{bad}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use crate::distance_args::{AlignArg, MeasureArg, angle};
 use crate::picture_args::StyleArg;
 use crate::units::Length;
+use crate::void_args::not_negative;
 use brickfield_engine::voids::Class;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -92,7 +93,7 @@ pub struct FindingArgs {
     #[arg(long, value_enum, value_name = "CLASS", value_delimiter = ',')]
     pub classes: Vec<ClassArg>,
     /// Of voids: leave out smaller ones, in the cube of the store's unit
-    #[arg(long, value_name = "VOLUME")]
+    #[arg(long, value_name = "VOLUME", value_parser = not_negative)]
     pub min_volume: Option<f64>,
     /// Of thickness: what it is, as in `thickness` [default: sphere]
     #[arg(long = "method", value_enum)]
