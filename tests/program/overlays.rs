@@ -288,7 +288,8 @@ fn what_cannot_be_shown_is_a_line() {
     run(&[&draw[..], &[&"--size", &"30x20", &"--min-volume", &"1e9"]].concat())
         .ok_but_for("it has no voids so large");
     run(&[&draw[..], &[&"--min-volume=-1"]].concat()).misused();
-    [&png, &ladder].map(|file| std::fs::remove_file(file).unwrap());
+    std::fs::remove_file(&png).unwrap();
+    std::fs::remove_file(&ladder).unwrap();
     for style in ["voids", "thickness"] {
         let line = run(&[&"render", &open, &"--style", &style, &"-o", &png]).failed();
         assert!(line.contains("made from open input"), "{line}");
