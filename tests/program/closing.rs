@@ -1,21 +1,12 @@
 //! `brickfield mesh --close`: what no ball of a diameter enters is filled, judged by formulas.
 
+use super::detail::meshed;
 use super::distance::stl_of;
 use crate::support::*;
 use brickfield_bench_data::judge::mesh::check_file;
 use brickfield_bench_data::{Mesh, shapes};
-use serde_json::Value;
 use std::f64::consts::PI;
 use std::path::Path;
-
-#[track_caller]
-fn closed(store: &Path, out: &Path, words: &[&str]) -> Value {
-    let mut all: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"mesh", &store, &"-o", &out, &"--json", &"--check"];
-    all.extend(words.iter().map(|word| word as &dyn AsRef<std::ffi::OsStr>));
-    let json = run(&all).json();
-    assert_eq!(json["check"]["sound"], true, "{json}");
-    json
-}
 
 /// What a ball of diameter `d` reaches of a cube that it is in.
 fn reached(edge: f64, d: f64) -> f64 {
@@ -33,7 +24,7 @@ fn voids_and_channels_that_no_ball_enters_are_filled() {
     let (store, out) = (dir.store("void_ladder", 3), dir.path("a.ply"));
     // Cubes of 1 to 5 mm, a ball of 4 mm, and a cube of 3 mm with a vent of half a millimetre.
     let d = 2.2;
-    let json = closed(&store, &out, &["--close", "2.2mm"]);
+    let json = meshed(&store, &out, &["--close", "2.2mm"]);
     let [before, after] = [0, 1].map(|n| json["closing"]["voids"][n].clone());
     assert_eq!((before["count"].as_u64(), after["count"].as_u64()), (Some(6), Some(5)), "{json}");
     let expected: f64 = [3.0, 4.0, 5.0, 3.0].iter().map(|edge| reached(*edge, d)).sum::<f64>() + 33.438;
@@ -62,7 +53,7 @@ fn slots_narrower_than_the_ball_are_filled_and_the_outside_stays() {
     let mesh = Mesh::merged(&[plate, bar(0.0, 2.0), bar(second, second + 2.0), bar(third, 9.0)]);
     let (store, out) = (dir.path("s.brf"), dir.path("s.stl"));
     run(&[&"build", &stl_of(&dir, "s.stl", &mesh), &"-o", &store, &"--cell", &"0.2", &"-q"]).ok();
-    let json = closed(&store, &out, &["--close", "1.5"]);
+    let json = meshed(&store, &out, &["--close", "1.5"]);
     let r = 0.5 * d;
     // The ball dips into the slot at its three mouths; and it does not reach the two corners of the other slot.
     let dip = r * r * (0.5 * width / r).asin() - 0.5 * width * (r * r - 0.25 * width * width).sqrt();
@@ -91,18 +82,18 @@ fn closed_beads_are_sound_and_threads_change_no_byte() {
     let store = dir.path("a.brf");
     run(&[&"build", &example("clover.gcode"), &"-o", &store, &"--cell", &"0.57mm", &"-q"])
         .ok_but_for("% empty");
-    closed(&store, &dir.path("b.ply"), &["--close", "1.6mm"]);
+    meshed(&store, &dir.path("b.ply"), &["--close", "1.6mm"]);
     let coarse = dir.path("c.brf");
     run(&[&"build", &example("clover.gcode"), &"-o", &coarse, &"--cell", &"1.2mm", &"-q"])
         .ok_but_for("% empty");
     let made = ["1", "2"].map(|threads| {
         let out = dir.path(&format!("{threads}.ply"));
-        closed(&coarse, &out, &["--close", "2.6mm", "--threads", threads]);
+        meshed(&coarse, &out, &["--close", "2.6mm", "--threads", threads]);
         std::fs::read(&out).unwrap()
     });
     assert!(made[0] == made[1]);
     let words = ["--close", "2.6mm", "--triangles", "3000", "--outer"];
-    let json = closed(&coarse, &dir.path("b.stl"), &words);
+    let json = meshed(&coarse, &dir.path("b.stl"), &words);
     assert!((2700..=3000).contains(&json["triangles"].as_u64().unwrap()), "{json}");
     assert_eq!(dir.names().len(), 6, "{:?}", dir.names());
 }

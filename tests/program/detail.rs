@@ -20,7 +20,7 @@ fn judged(path: &Path, volume: f64, tolerance: f64) -> MeshFindings {
 
 /// The mesh of a store with these words, as JSON of the run.
 #[track_caller]
-fn meshed(store: &Path, out: &Path, words: &[&str]) -> Value {
+pub fn meshed(store: &Path, out: &Path, words: &[&str]) -> Value {
     let mut all: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"mesh", &store, &"-o", &out, &"--json", &"--check"];
     all.extend(words.iter().map(|word| word as &dyn AsRef<std::ffi::OsStr>));
     let json = run(&all).json();

@@ -2,11 +2,11 @@
 
 use crate::failure::Failure;
 use crate::output::{in_line, print_json};
-use anyhow::Context;
+use brickfield_engine::Error;
 use brickfield_engine::part::PartFile;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Value, json};
-use std::io::Write;
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 /// Kind of a table's file.
@@ -29,9 +29,6 @@ impl TableKind {
         }
     }
 }
-
-/// Bytes of text that are gathered before they are written.
-const CHUNK_BYTES: usize = 1 << 16;
 
 /// Rows of values under names, each made when it is written: tables may have millions of them.
 pub struct Table<'a> {
@@ -61,9 +58,8 @@ impl<'a> Table<'a> {
         self.count
     }
 
-    /// Hands on lines of values, the first with the names.
-    fn csv(&self, mut write: impl FnMut(&[u8]) -> Result<(), Failure>) -> Result<(), Failure> {
-        let mut text = self.columns.join(",") + "\n";
+    /// Writes lines of values, the first with the names.
+    fn write_csv(&self, out: &mut impl Write) -> io::Result<()> {
         let cell = |value: &Value| match value {
             Value::Null => String::new(),
             Value::String(text) if text.contains([',', '"', '\n']) => {
@@ -72,15 +68,10 @@ impl<'a> Table<'a> {
             Value::String(text) => text.clone(),
             value => value.to_string(),
         };
-        for n in 0..self.count {
-            text += &(self.row)(n).iter().map(cell).collect::<Vec<_>>().join(",");
-            text.push('\n');
-            if text.len() >= CHUNK_BYTES {
-                write(text.as_bytes())?;
-                text.clear();
-            }
-        }
-        write(text.as_bytes())
+        writeln!(out, "{}", self.columns.join(","))?;
+        (0..self.count).try_for_each(|n| {
+            writeln!(out, "{}", (self.row)(n).iter().map(cell).collect::<Vec<_>>().join(","))
+        })
     }
 
     /// One object a row.
@@ -100,19 +91,13 @@ impl<'a> Table<'a> {
         kind: TableKind,
         document: &impl Serialize,
     ) -> Result<(), Failure> {
-        match kind {
-            TableKind::Csv => self.csv(|text| Ok(file.append(text)?)),
-            TableKind::Json => {
-                let mut sink = JsonSink { file, text: Vec::new(), error: None };
-                let done = serde_json::to_writer_pretty(&mut sink, document);
-                sink.text.push(b'\n');
-                sink.hand_on();
-                match sink.error {
-                    Some(error) => Err(error.into()),
-                    None => Ok(done.context("cannot write JSON")?),
-                }
-            }
-        }
+        let written = match kind {
+            TableKind::Csv => self.write_csv(file),
+            TableKind::Json => serde_json::to_writer_pretty(&mut *file, document)
+                .map_err(io::Error::from)
+                .and_then(|()| writeln!(file)),
+        };
+        Ok(written.map_err(Error::io(file.path(), "write"))?)
     }
 
     /// Writes the table to a file that has been created, or prints it where there is none; prints `document` beside a file if
@@ -123,16 +108,15 @@ impl<'a> Table<'a> {
     pub fn deliver(
         &self,
         file: Option<(PartFile, TableKind)>,
-        document: &Value,
+        document: &impl Serialize,
         json: bool,
     ) -> Result<(), Failure> {
         let Some((mut file, kind)) = file else {
             if json {
                 return print_json(document);
             }
-            let mut out = std::io::stdout().lock();
-            self.csv(|text| out.write_all(text).map_err(Failure::stdout))?;
-            return out.flush().map_err(Failure::stdout);
+            let mut out = BufWriter::new(io::stdout().lock());
+            return self.write_csv(&mut out).and_then(|()| out.flush()).map_err(Failure::stdout);
         };
         self.append_to(&mut file, kind, document)?;
         file.finish()?;
@@ -161,51 +145,25 @@ impl Serialize for TableRow<'_> {
 
 /// Totals, and a table under a name behind them.
 pub struct TableDocument<'a> {
-    pub totals: Map<String, Value>,
-    pub name: &'a str,
-    pub table: &'a Table<'a>,
+    totals: Value,
+    name: &'a str,
+    table: &'a Table<'a>,
+}
+
+impl<'a> TableDocument<'a> {
+    /// `totals` is an object.
+    pub fn new(totals: Value, name: &'a str, table: &'a Table<'a>) -> TableDocument<'a> {
+        TableDocument { totals, name, table }
+    }
 }
 
 impl Serialize for TableDocument<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(self.totals.len() + 1))?;
-        self.totals.iter().try_for_each(|(name, value)| map.serialize_entry(name, value))?;
+        let mut map = serializer.serialize_map(None)?;
+        let totals = self.totals.as_object().into_iter().flatten();
+        totals.into_iter().try_for_each(|(name, value)| map.serialize_entry(name, value))?;
         map.serialize_entry(self.name, self.table)?;
         map.end()
-    }
-}
-
-/// JSON on its way to a file.
-struct JsonSink<'a> {
-    file: &'a mut PartFile,
-    text: Vec<u8>,
-    /// Why writing ended.
-    error: Option<brickfield_engine::Error>,
-}
-
-impl JsonSink<'_> {
-    fn hand_on(&mut self) {
-        if self.error.is_none() {
-            self.error = self.file.append(&self.text).err();
-        }
-        self.text.clear();
-    }
-}
-
-impl Write for JsonSink<'_> {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.text.extend(bytes);
-        if self.text.len() >= CHUNK_BYTES {
-            self.hand_on();
-        }
-        match self.error {
-            Some(_) => Err(std::io::Error::other("not written")),
-            None => Ok(bytes.len()),
-        }
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
     }
 }
 

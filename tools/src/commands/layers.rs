@@ -7,7 +7,7 @@ use crate::layer_args::LayersArgs;
 use crate::measured::measured;
 use crate::output::{in_line, note, print, require_distinct};
 use crate::progress::Bars;
-use crate::table::{Table, TableKind, length_told, six_digits, to_place};
+use crate::table::{Table, TableDocument, TableKind, length_told, six_digits, to_place};
 use anyhow::anyhow;
 use brickfield_engine::analysis::volume;
 use brickfield_engine::lattice::Axis;
@@ -274,10 +274,10 @@ fn table(rows: &[Row], totals: &Totals, heights: &[f64], cell: f64) -> Table<'st
     Table::of_rows(&COLUMNS, rows.iter().enumerate().map(row).collect())
 }
 
-fn document(store: &Store, rows: &[Row], totals: &Totals, table: &Table<'_>) -> Value {
+fn document<'a>(store: &Store, rows: &[Row], totals: &Totals, table: &'a Table<'_>) -> TableDocument<'a> {
     let fed: Option<f64> = rows.iter().map(|row| row.fed).sum();
     let porosity = totals.porosity();
-    json!({
+    let all = json!({
         "unit": store.meta().unit,
         "cell": store.root().spacing(store.meta().depth),
         "count": rows.len(),
@@ -293,6 +293,6 @@ fn document(store: &Store, rows: &[Row], totals: &Totals, table: &Table<'_>) -> 
         "overlap_volume_error": totals.overlap.1,
         "overlap_of_samples": rows.iter().map(|row| row.slab.overlap).sum::<f64>(),
         "fed_volume": fed.filter(|_| !rows.is_empty()),
-        "layers": table.objects(),
-    })
+    });
+    TableDocument::new(all, "layers", table)
 }

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::layer_args::{OverlapArgs, OverlapByArg};
 use crate::measured::measured;
 use crate::output::{in_line, print, require_distinct};
-use crate::table::{Table, TableKind, six_digits, to_place};
+use crate::table::{Table, TableDocument, TableKind, six_digits, to_place};
 use anyhow::anyhow;
 use brickfield_engine::analysis::{OverlapSum, Overlaps, PairOverlap, overlaps};
 use brickfield_engine::brick::Count;
@@ -129,15 +129,15 @@ fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlap
     Table::of_rows(&COLUMNS, rows.into_iter().map(values).collect())
 }
 
-fn document(
+fn document<'a>(
     args: &OverlapArgs,
     store: &Store,
     tables: &BeadTables,
     found: &Overlaps,
-    table: &Table<'_>,
-) -> Value {
+    table: &'a Table<'_>,
+) -> TableDocument<'a> {
     let sum = sum(found);
-    json!({
+    let totals = json!({
         "unit": store.meta().unit,
         "cell": store.root().spacing(store.meta().depth),
         "by": match args.by {
@@ -153,6 +153,6 @@ fn document(
         "field_samples": found.field_samples.to_string(),
         "unexplained_samples": found.unexplained.to_string(),
         "sampled_volume": Overlaps::volume_of(store.root(), found.field_samples),
-        "overlaps": table.objects(),
-    })
+    });
+    TableDocument::new(totals, "overlaps", table)
 }

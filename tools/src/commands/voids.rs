@@ -219,8 +219,7 @@ fn document<'a>(store: &Store, found: &Voids, table: &'a Table<'_>) -> TableDocu
         "porosity_error": porosity.error,
         "throat_cell": found.throat_cell,
     });
-    let totals = totals.as_object().cloned().unwrap_or_default();
-    TableDocument { totals, name: "voids", table }
+    TableDocument::new(totals, "voids", table)
 }
 
 /// A void's values in the order of [`COLUMNS`]; null where one is not known. Lengths are told to a hundredth of a `cell`,

@@ -24,10 +24,7 @@ impl Apart {
 
     /// Of two bricks of a leaf.
     fn of(bricks: [&Brick; 2], scale: u128) -> Apart {
-        let signs = bricks.map(|brick| match brick {
-            Brick::Uniform(w) => SignChanges::from_fn(|_| *w >= 1),
-            Brick::Counts { samples, .. } => SignChanges::of(samples),
-        });
+        let signs = bricks.map(Brick::signs);
         let mut apart = Apart::default();
         for axis in Axis::ALL {
             let [before, after] = [0, 1].map(|n| crossings(bricks[n], &signs[n], axis));
@@ -54,10 +51,11 @@ type Crossing = ([usize; 3], HermiteEdge);
 /// The crossings along an axis that a brick owns, in order.
 fn crossings(brick: &Brick, signs: &SignChanges, axis: Axis) -> Vec<Crossing> {
     let Brick::Counts { hermite, .. } = brick else { return Vec::new() };
-    let (mut found, mut edges) = (Vec::new(), hermite.edges[axis.index()].iter());
-    signs.for_edges(axis, |[x, y, z]| {
-        let is_own = [x, y, z].iter().all(|&c| c < BRICK_CELLS);
-        found.extend(edges.next().filter(|_| is_own).map(|edge| ([z, y, x], *edge)));
+    let mut found = Vec::new();
+    signs.for_crossings(axis, hermite, |[x, y, z], edge| {
+        if [x, y, z].iter().all(|&c| c < BRICK_CELLS) {
+            found.push(([z, y, x], edge));
+        }
     });
     found
 }

@@ -12,7 +12,7 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 use crate::part::directory_of;
 use crate::part::temporary::BesideFile;
 use crate::progress::Progress;
-use crate::store::{BrickTree, Divided, Meta, Refine, Stats, Store, StoreWriter, write_divided};
+use crate::store::{BrickTree, Divided, Stats, Store, StoreWriter, write_divided};
 use std::path::Path;
 
 /// Diameters of balls below so many cells are refused: the part grown by less has gaps that no sample meets.
@@ -56,7 +56,7 @@ pub fn close(
     let grown_store = Store::open(grown.path(), memory / 4)?;
     let surface = Surface::new(&grown_store, memory / 4, folder, progress)?;
     let field = ClosedField::of(store, &grown_store, &surface, radius)?;
-    let meta = field.meta(store, diameter);
+    let meta = store.meta().remade("closed by", diameter);
     let mut writer = StoreWriter::create(output, &meta)?;
     write_divided(&field, &mut writer, "closing", progress)?;
     writer.finish(meta)
@@ -95,20 +95,6 @@ impl<'a> ClosedField<'a> {
         let apart = (tree.root().origin[0] - grown.root().origin[0]) / surface.cell();
         let shift = (apart / BRICK_CELLS as f64).round() as i64 * BRICK_CELLS as i64;
         Ok(ClosedField { tree, sides: Sides::new(tree)?, filled, depth: tree.deepest_level(), shift })
-    }
-
-    fn meta(&self, store: &Store, diameter: f64) -> Meta {
-        let old = store.meta();
-        Meta {
-            program: format!("{}, closed by {diameter} {}", old.program, old.unit).trim_end().to_owned(),
-            refine: Refine::Surface,
-            stddev: 0.0,
-            tolerance: None,
-            beads: None,
-            share: None,
-            volumes: None,
-            ..old.clone()
-        }
     }
 
     /// What all samples of a node of the part are, if that is one value.
@@ -169,10 +155,7 @@ struct Joined<'a> {
 
 impl<'a> Joined<'a> {
     fn new(part: &'a Brick, filled: OffsetBrick<'a>) -> Joined<'a> {
-        let was_solid = match part {
-            Brick::Uniform(w) => SignChanges::from_fn(|_| *w >= 1),
-            Brick::Counts { samples, .. } => SignChanges::of(samples),
-        };
+        let was_solid = part.signs();
         let at =
             |n: usize| [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
         let is_solid = SignChanges::from_fn(|n| was_solid.is_inside(at(n)) || filled.is_solid(n));
@@ -197,9 +180,7 @@ impl<'a> Joined<'a> {
     fn edges(&self, axis: Axis) -> Result<Vec<HermiteEdge>> {
         let mut old: Vec<(usize, HermiteEdge)> = Vec::new();
         if let Brick::Counts { hermite, .. } = self.part {
-            let mut edges = hermite.edges[axis.index()].iter();
-            self.was_solid
-                .for_edges(axis, |low| old.extend(edges.next().map(|edge| (point_index(low), *edge))));
+            self.was_solid.for_crossings(axis, hermite, |low, edge| old.push((point_index(low), edge)));
         }
         let mut lows = Vec::new();
         self.is_solid.for_edges(axis, |low| lows.push(low));

@@ -7,9 +7,7 @@ use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges,
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube, minus};
 use crate::progress::Progress;
-use crate::store::{
-    BrickTree, CoarseSamples, Divided, Meta, Refine, Stats, Store, StoreWriter, write_divided,
-};
+use crate::store::{BrickTree, CoarseSamples, Divided, Meta, Stats, Store, StoreWriter, write_divided};
 use std::path::Path;
 
 /// A node or a run of samples is decided as a whole where the field at its middle exceeds its reach by this many cells: far
@@ -115,18 +113,11 @@ impl<'a> OffsetField<'a> {
         };
         let wider = length.max(0.0);
         Meta {
-            program: format!("{}, {name} {length} {}", old.program, old.unit).trim_end().to_owned(),
             root: self.root,
             bounds_min: old.bounds_min.map(|c| c - wider),
             bounds_max: old.bounds_max.map(|c| c + wider),
             depth: self.depth,
-            refine: Refine::Surface,
-            stddev: 0.0,
-            tolerance: None,
-            beads: None,
-            share: None,
-            volumes: None,
-            ..old.clone()
+            ..old.remade(name, length)
         }
     }
 

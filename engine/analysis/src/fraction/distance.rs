@@ -71,9 +71,7 @@ fn for_crossings(root: RootCube, leaf: &Leaf<'_>, mut each: impl FnMut([f64; 3],
     let signs = SignChanges::of(samples);
     let (base, bits) = (leaf.key.base(), leaf.key.spacing_bits());
     for axis in Axis::ALL {
-        let mut edges = hermite.edges[axis.index()].iter();
-        signs.for_edges(axis, |from| {
-            let Some(edge) = edges.next() else { return };
+        signs.for_crossings(axis, hermite, |from, edge| {
             let mut units: [f64; 3] =
                 std::array::from_fn(|a| f64::from(base[a] + ((from[a] as i32) << bits)) + 1.0);
             units[axis.index()] += edge.fraction() * f64::from(1u32 << bits);

@@ -3,7 +3,7 @@
 
 use super::kernel::BEFORE;
 use super::leaf::Plan;
-use crate::brick::{Brick, HermiteEdge, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey, dot};
 use std::collections::BTreeMap;
 
@@ -87,7 +87,7 @@ impl LeafPlanes {
             Brick::Counts { samples, hermite } => {
                 let signs = SignChanges::of(samples);
                 made.add_inside(begins, fine, factor, |place| fine == 1 && signs.is_inside(place));
-                made.add_crossings(plan, begins, (fine, factor), &signs, &hermite.edges);
+                made.add_crossings(plan, begins, (fine, factor), &signs, hermite);
             }
         }
         made
@@ -127,17 +127,16 @@ impl LeafPlanes {
         begins: [usize; 3],
         (fine, factor): (usize, usize),
         signs: &SignChanges,
-        all: &[Vec<HermiteEdge>; 3],
+        hermite: &Hermite,
     ) {
         let size = plan.size;
         let mut around = vec![AgreeingPlanes::default(); size.iter().product()];
         for axis in Axis::ALL {
             let a = axis.index();
-            let mut edges = all[a].iter();
-            signs.for_edges(axis, |from| {
-                let Some(edge) = edges.next().filter(|_| from.iter().all(|&c| c < BRICK_CELLS)) else {
+            signs.for_crossings(axis, hermite, |from, edge| {
+                if from.iter().any(|&c| c >= BRICK_CELLS) {
                     return;
-                };
+                }
                 let mut at: [f64; 3] = std::array::from_fn(|n| plan.base[n] + from[n] as f64 * plan.step);
                 at[a] += edge.fraction() * plan.step;
                 let normal = edge.normal.to_vector();

@@ -216,9 +216,7 @@ fn rows_of(brick: &Brick, from: f64, step: f64) -> Vec<Vec<(f64, f64)>> {
             *begin = Some(all.0);
         }
     }
-    let mut edges = hermite.edges[0].iter();
-    signs.for_edges(Axis::X, |[i, j, k]| {
-        let Some(edge) = edges.next() else { return };
+    signs.for_crossings(Axis::X, hermite, |[i, j, k], edge| {
         if j >= BRICK_CELLS || k >= BRICK_CELLS {
             return;
         }

@@ -123,11 +123,9 @@ pub(super) fn each_crossing(key: NodeKey, brick: &Brick, mut each: impl FnMut(Vo
     }
     let step = f64::from(1u32 << key.spacing_bits());
     for axis in Axis::ALL {
-        let mut edges = hermite.edges[axis.index()].iter();
-        signs.for_edges(axis, |low| {
-            let Some(edge) = edges.next() else { return };
+        signs.for_crossings(axis, hermite, |low, edge| {
             if low.iter().all(|&c| c < BRICK_CELLS) {
-                each(crossing(key, axis, low, signs.is_inside(low), *edge, step));
+                each(crossing(key, axis, low, signs.is_inside(low), edge, step));
             }
         });
     }

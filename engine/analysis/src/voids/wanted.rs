@@ -27,7 +27,7 @@ impl<'a> WantedVoids<'a> {
         self.labelling.in_leaf(leaf).flatten().any(|component| self.wanted[component])
     }
 
-    /// The components of the leaf, by component of the tree; `None` of what is not wanted.
+    /// Whether each of the leaf's components belongs to a wanted one.
     fn kept(&self, leaf: usize) -> Vec<bool> {
         self.labelling.in_leaf(leaf).map(|component| component.is_some_and(|c| self.wanted[c])).collect()
     }
@@ -107,11 +107,9 @@ fn crossings(hermite: &Hermite, signs: &SignChanges, kept: &SignChanges) -> Herm
         return out;
     }
     for axis in Axis::ALL {
-        let mut edges = hermite.edges[axis.index()].iter();
-        signs.for_edges(axis, |[i, j, k]| {
-            let edge = edges.next();
+        signs.for_crossings(axis, hermite, |[i, j, k], edge| {
             if kept.edges(axis, j, k) >> i & 1 == 1 {
-                out.edges[axis.index()].extend(edge);
+                out.edges[axis.index()].push(edge);
             }
         });
     }

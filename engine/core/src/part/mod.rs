@@ -260,11 +260,21 @@ pub fn part_path(path: &Path) -> PathBuf {
 }
 
 fn not_created(path: &Path, error: io::Error) -> Error {
-    if error.kind() == io::ErrorKind::NotFound && !directory_of(path).is_dir() {
-        let what = "its directory does not exist";
-        return Error::store(path, "output", what, "create the directory first");
+    match require_directory(path) {
+        Err(missing) if error.kind() == io::ErrorKind::NotFound => missing,
+        _ => Error::io(path, "create")(error),
     }
-    Error::io(path, "create")(error)
+}
+
+/// Fails unless the directory that a file is to be made in is there.
+///
+/// # Errors
+/// [`Error::Store`] that says so.
+pub fn require_directory(path: &Path) -> Result<()> {
+    if directory_of(path).is_dir() {
+        return Ok(());
+    }
+    Err(Error::store(path, "output", "its directory does not exist", "create the directory first"))
 }
 
 /// The error of a file that another process is writing.

@@ -239,6 +239,22 @@ impl SignChanges {
         }
     }
 
+    /// The same with the crossing of each edge, as far as there are crossings.
+    #[inline(always)]
+    pub fn for_crossings(
+        &self,
+        axis: Axis,
+        hermite: &Hermite,
+        mut each: impl FnMut([usize; 3], HermiteEdge),
+    ) {
+        let mut edges = hermite.edges[axis.index()].iter();
+        self.for_edges(axis, |low| {
+            if let Some(edge) = edges.next() {
+                each(low, *edge);
+            }
+        });
+    }
+
     /// For each row k·33 + j, how many sign-changing edges along `axis` the rows before it hold; the last
     /// entry is the number of all.
     #[inline]

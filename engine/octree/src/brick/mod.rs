@@ -45,6 +45,14 @@ impl Brick {
         Brick::Counts { samples, hermite }
     }
 
+    /// Which of its samples are inside.
+    pub fn signs(&self) -> SignChanges {
+        match self {
+            Brick::Uniform(w) => SignChanges::from_fn(|_| *w >= 1),
+            Brick::Counts { samples, .. } => SignChanges::of(samples),
+        }
+    }
+
     /// Its samples alone.
     #[inline]
     pub fn into_samples(self) -> Samples {

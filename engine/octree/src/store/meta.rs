@@ -152,6 +152,21 @@ impl Meta {
         self.sources.iter().any(|source| source.format.contains(" points"))
     }
 
+    /// Of a store whose surface was made anew from this one's, as in `offset by` a length: it is divided at its surface alone,
+    /// and knows neither beads nor volumes of a source.
+    pub fn remade(&self, how: &str, length: f64) -> Meta {
+        Meta {
+            program: format!("{}, {how} {length} {}", self.program, self.unit).trim_end().to_owned(),
+            refine: Refine::Surface,
+            stddev: 0.0,
+            tolerance: None,
+            beads: None,
+            share: None,
+            volumes: None,
+            ..self.clone()
+        }
+    }
+
     /// The level whose subtrees a build appends one after the other: see [`super::build_order`].
     pub fn subtree_level(&self) -> u8 {
         match self.refine {

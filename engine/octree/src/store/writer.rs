@@ -14,10 +14,10 @@ use crate::brick::Brick;
 use crate::brick::codec::{PayloadHead, PayloadKind, Scratch, encode_into};
 use crate::disk::planted::{Bug, planted};
 use crate::disk::write_back::WriteBack;
-use crate::disk::{Disk, DiskFile, SystemDisk, directory_of};
+use crate::disk::{Disk, DiskFile, SystemDisk};
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
-use crate::part::part_path;
+use crate::part::{part_path, require_directory};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -507,8 +507,5 @@ pub fn check_target(final_path: &Path) -> Result<()> {
         }
         _ => {}
     }
-    if !directory_of(final_path).is_dir() {
-        return refuse("its directory does not exist", "create the directory first");
-    }
-    Ok(())
+    require_directory(final_path)
 }

@@ -279,9 +279,7 @@ impl FieldScratch {
     fn take_edges(&mut self, signs: &SignChanges, hermite: &Hermite) {
         for axis in Axis::ALL {
             let (a, step) = (axis.index(), BRICK_POINTS.pow(axis.index() as u32));
-            let mut edges = hermite.edges[a].iter();
-            signs.for_edges(axis, |ijk| {
-                let Some(edge) = edges.next() else { return };
+            signs.for_crossings(axis, hermite, |ijk, edge| {
                 let (at, along) = (edge.fraction() as f32, edge.normal.to_vector());
                 let starts_inside = signs.is_inside(ijk);
                 // The field grows inward, normals look outward.
