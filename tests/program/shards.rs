@@ -137,6 +137,117 @@ fn clouds_are_joined_to_the_bytes_of_one_build() {
     joined_is_whole(&[cloud.to_str().unwrap()], &["--depth", "2"], &[1, 3]);
 }
 
+/// The plan of an input.
+#[track_caller]
+fn plan(dir: &Scratch, input: &[&str], args: &[&str]) -> PathBuf {
+    let path = dir.path("part.plan");
+    let run = build(input, &[args, &["--plan"]].concat(), &path);
+    assert_eq!(run.status, Some(0), "{}", run.stderr);
+    path
+}
+
+#[track_caller]
+fn planned_is_whole(input: &[&str], args: &[&str], numbers: &[usize]) {
+    let dir = Scratch::new();
+    let whole = dir.path("whole.brf");
+    assert_eq!(build(input, args, &whole).status, Some(0), "{input:?} {args:?}");
+    let plan = plan(&dir, input, args);
+    for &of in numbers {
+        let shares = shares(&dir, &[plan.to_str().unwrap()], &[], of);
+        let joined = dir.path("joined.brf");
+        merge(&shuffled(&shares), &joined).ok();
+        assert!(fs::read(joined).unwrap() == fs::read(&whole).unwrap(), "{input:?} {args:?}, {of} shares");
+        shares.iter().for_each(|share| fs::remove_file(share).unwrap());
+    }
+    assert_eq!(dir.names(), ["joined.brf", "part.plan", "whole.brf"]);
+}
+
+#[test]
+fn shares_of_a_plan_are_joined_to_the_bytes_of_one_build() {
+    let beads = example("stl/clover_beads.stl");
+    planned_is_whole(&[&beads], &["--depth", "3"], &[1, 7]);
+    planned_is_whole(&[&beads], &["--depth", "4", "--memory", "90MiB"], &[3]);
+    let two = [&*example("stl/overlap_boxes.stl"), &example("stl/box_with_cavity.stl")];
+    planned_is_whole(&two, &["--cell", "0.1", "--unit", "in"], &[2]);
+    planned_is_whole(&[&example("stl/clover_model.stl")], &["--depth", "3", "--thin", "2", "--orient"], &[4]);
+    planned_is_whole(&[&example("x3d/clover_beads.x3d")], &["--depth", "2"], &[100]);
+    planned_is_whole(&[&example("stl/overlap_boxes.stl")], &["--depth", "0"], &[2]);
+    planned_is_whole(&[&example("clover.gcode")], &["--depth", "3", "--beads-as", "mesh"], &[3]);
+}
+
+#[test]
+fn a_plan_needs_its_input_no_more() {
+    let dir = Scratch::new();
+    let input = dir.file("part.stl", fs::read(example("stl/clover_model.stl")).unwrap());
+    let input_path = input.to_str().unwrap();
+    let whole = dir.path("whole.brf");
+    assert_eq!(build(&[input_path], &["--depth", "3"], &whole).status, Some(0));
+    let told =
+        run(&[&"build", &input, &"-o", &dir.path("part.plan"), &"--depth", &"3", &"--plan", &"--json"])
+            .json();
+    assert_eq!((&told["depth"], &told["degenerate_facets"]), (&3.into(), &0.into()));
+    assert_eq!(told["file_bytes"], fs::metadata(dir.path("part.plan")).unwrap().len());
+    fs::remove_file(input).unwrap();
+    let shares = shares(&dir, &[dir.path("part.plan").to_str().unwrap()], &[], 3);
+    merge(&shares, &dir.path("joined.brf")).ok();
+    assert!(fs::read(dir.path("joined.brf")).unwrap() == fs::read(whole).unwrap());
+}
+
+#[test]
+fn the_first_share_measures_the_volumes_for_all() {
+    let dir = Scratch::new();
+    let shares = shares(&dir, &[&example("stl/clover_model.stl")], &["--depth", "3"], 3);
+    let has_volumes = |path: &PathBuf| !run(&[&"info", path, &"--json"]).json()["source_volumes"].is_null();
+    assert_eq!(shares.iter().map(has_volumes).collect::<Vec<_>>(), [true, false, false]);
+}
+
+#[test]
+fn plans_that_cannot_be_made_or_read_are_refused() {
+    let dir = Scratch::new();
+    let out = dir.path("x.plan");
+    let refused = |input: &str, args: &[&str], expected: &str| {
+        let run = build(&[&example(input)], &[args, &["--plan", "--depth", "3"]].concat(), &out);
+        assert!(run.status != Some(0) && run.stderr.contains(expected), "{}", run.stderr);
+    };
+    refused("stl/open_box_no_lid.stl", &[], "the surface is open");
+    refused("stl/clover_model.stl", &["--boundary-error", "0.1mm"], "nodes decide");
+    refused("clover.gcode", &[], "--beads-as mesh");
+    let boxes = example("stl/overlap_boxes.stl");
+    let told = build(&[&boxes], &["--plan"], &dir.path("x.brf")).stderr;
+    assert!(told.contains("PART.plan"), "{told}");
+    assert!(dir.names().is_empty(), "{:?}", dir.names());
+    let plan = plan(&dir, &[&boxes], &["--depth", "3"]);
+    let plan_path = plan.to_str().unwrap();
+    let share = dir.path("share.brf");
+    let sound = fs::read(&plan).unwrap();
+    for (args, expected) in [
+        (&[][..], "--shard 1/8"),
+        (&["--shard", "1/2", "--depth", "3"], "--depth: the plan has settled it"),
+        (&["--shard", "1/2", "--unit", "in"], "--unit: the plan has settled it"),
+    ] {
+        let told = build(&[plan_path], args, &share).stderr;
+        assert!(told.contains(expected), "{told}");
+    }
+    let told = build(&[plan_path, &boxes], &["--shard", "1/2"], &share).stderr;
+    assert!(told.contains("a plan is built alone"), "{told}");
+    // Triangles, the directory, the foot; cut short, and longer.
+    let damage = |at: usize| {
+        let mut bytes = sound.clone();
+        bytes[at] ^= 4;
+        bytes
+    };
+    let length = sound.len();
+    let short = [&sound[..length - 1], &sound[..length / 2], &sound[..9]].map(<[u8]>::to_vec);
+    let long = [&sound[..], b"x"].concat();
+    let all = [10, length - 1000, length - 40, length - 30, length - 14, length - 2].map(damage);
+    for bytes in all.into_iter().chain(short).chain([long]) {
+        fs::write(&plan, bytes).unwrap();
+        let told = build(&[plan_path], &["--shard", "1/1"], &share).failed();
+        assert!(told.contains("part.plan") && told.contains("make the plan again"), "{told}");
+        assert!(!share.exists());
+    }
+}
+
 #[test]
 fn a_bound_on_memory_does_not_show_in_a_share() {
     let dir = Scratch::new();

@@ -96,7 +96,7 @@ Examples:
 pub struct BuildArgs {
     #[arg(required = true, value_name = "INPUT", help = inputs_of_build())]
     pub inputs: Vec<PathBuf>,
-    /// The store to write
+    /// The store to write; with --plan the plan, PART.plan
     #[arg(long, short, value_name = "PART.brf")]
     pub output: PathBuf,
     /// What beads become: analytic solids, whose samples count passes or beads, or swept triangles. By default solids,
@@ -198,10 +198,16 @@ pub struct BuildArgs {
     pub temp_dir: Option<PathBuf>,
     /// Build share I of N of the store, I from 1, to be joined with the others by `cache merge`
     ///
-    /// It is the same store, made on several machines. Each reads the whole input. Shares have about the same work, foreseen
-    /// from the input, and some may be empty.
+    /// It is the same store, made on several machines. Each reads the whole input, or what it needs of a plan. Shares have about the
+    /// same work, foreseen from the input, and some may be empty.
     #[arg(long, value_name = "I/N", conflicts_with = "mesh")]
     pub shard: Option<Shard>,
+    /// Write a plan in the place of a store: the triangles by cube, and what all shares have in common
+    ///
+    /// Shares that are built from the plan, with the plan as their input, need neither the meshes nor their settings, and read
+    /// their own cubes alone. Of closed meshes. The plan takes about half of the space of a binary STL.
+    #[arg(long, conflicts_with_all = ["shard", "mesh", "compression"])]
+    pub plan: bool,
     /// How the bricks are compressed
     ///
     /// The store has the bytes that `cache repack` with the same option makes of one with another. Shares take lz4, to be

@@ -1,8 +1,8 @@
 //! `brickfield build`: meshes to a store, and its boundary on request.
 
 use super::build_report::{BuildReport, CloudText};
-use super::build_volume;
 use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
+use super::{build_plan, build_volume};
 use super::{features_of, open_inputs, open_store, start};
 use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, RefineArg};
 use crate::cache_args::CompressionArg;
@@ -11,7 +11,7 @@ use crate::devices::{BackendArgs, ComputeDevice, DeviceCheckArg, choose};
 use crate::failure::Failure;
 use crate::kinds::{require_inputs, require_store_name};
 use crate::memory;
-use crate::output::{print, print_json, warn};
+use crate::output::{print, print_json, require_distinct, warn};
 use crate::pieces::OrientArg;
 use crate::progress::Bars;
 use crate::space::tell_left_behind;
@@ -20,6 +20,7 @@ use crate::units::{GwnError, Size, Unit};
 use crate::work::WorkArgs;
 use brickfield_engine::build::{
     BuildOptions, BuildSummary, CommitOptions, Resolution, Resources, ThinDepth, build_clouds, build_opened,
+    build_planned,
 };
 use brickfield_engine::contour::{ContourOptions, MeshSink};
 use brickfield_engine::ingest::{Input, OpenOptions};
@@ -38,21 +39,21 @@ const MESH_CACHE_BYTES: u64 = 512 << 20;
 pub(super) struct BuildRequest {
     pub(super) inputs: Vec<PathBuf>,
     pub(super) output: PathBuf,
-    open: OpenOptions,
-    toolpath: ToolpathArgs,
+    pub(super) open: OpenOptions,
+    pub(super) toolpath: ToolpathArgs,
     beads: Option<BeadsArg>,
     count: Option<CountArg>,
     estimate_normals: bool,
     pub(super) orient: Option<OrientArg>,
     gwn_error: Option<GwnError>,
     pub(super) units: Unit,
-    options: BuildOptions,
+    pub(super) options: BuildOptions,
     pub(super) backend: BackendArgs,
     device_check: DeviceCheckArg,
-    memory: Option<Size>,
+    pub(super) memory: Option<Size>,
     mesh: Option<PathBuf>,
-    json: bool,
-    work: WorkArgs,
+    pub(super) json: bool,
+    pub(super) work: WorkArgs,
 }
 
 /// Refuses options that contradict each other.
@@ -157,6 +158,16 @@ impl TryFrom<BuildArgs> for BuildRequest {
 }
 
 impl BuildRequest {
+    /// Gives the build its memory, beside that of its device.
+    pub(super) fn take_memory(&mut self, memory: u64) {
+        let resources = &mut self.options.resources;
+        // What batches take of the device's memory is this machine's where the device is a part of it, and half of it is in
+        // any case.
+        let of_device = resources.device.as_ref().map_or(0, |device| device.gpu().memory().min(memory / 2));
+        resources.memory = memory - of_device;
+        resources.index = memory::index_share(resources.memory);
+    }
+
     /// Memory for each of the two caches of --mesh.
     fn cache_bytes(&self) -> u64 {
         self.memory.map_or(MESH_CACHE_BYTES, |size| size.0 / 4)
@@ -170,14 +181,28 @@ fn like_store(path: &Path) -> Result<Resolution, Failure> {
 }
 
 /// Beads are in mm, whatever the program's unit: so are the store and the sizes of its cells.
-fn count_in_mm(plan: &mut BuildRequest) {
-    let factor = plan.units.millimetres();
-    if let Resolution::Cell(cell) = &mut plan.options.resolution {
+pub(super) fn settle_unit(request: &mut BuildRequest, inputs: &[Input]) -> Result<(), Failure> {
+    let toolpaths = inputs.iter().filter(|input| input.beads().is_some()).count();
+    if toolpaths == 0 || request.units == Unit::Mm {
+        return Ok(());
+    }
+    if toolpaths < inputs.len() {
+        let what =
+            "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
+        return Err(Failure::Usage(format!("--unit {}: {what}", request.units)));
+    }
+    count_in_mm(request);
+    Ok(())
+}
+
+fn count_in_mm(request: &mut BuildRequest) {
+    let factor = request.units.millimetres();
+    if let Resolution::Cell(cell) = &mut request.options.resolution {
         *cell *= factor;
     }
-    plan.options.tolerance *= factor;
-    plan.units = Unit::Mm;
-    plan.options.unit = Unit::Mm.symbol().to_owned();
+    request.options.tolerance *= factor;
+    request.units = Unit::Mm;
+    request.options.unit = Unit::Mm.symbol().to_owned();
 }
 
 /// Runs the command.
@@ -185,69 +210,90 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     if let Some(volume) = build_volume::volume_of(&args)? {
         return build_volume::run(&args, volume);
     }
-    let mut plan = BuildRequest::try_from(args)?;
+    if let Some(plan) = build_plan::plan_of(&args)? {
+        let plan = plan.to_owned();
+        return build_shard(BuildRequest::try_from(args)?, &plan);
+    }
+    if args.plan {
+        return build_plan::run(BuildRequest::try_from(args)?);
+    }
+    let mut request = BuildRequest::try_from(args)?;
     let started = Instant::now();
-    require_store_name(&plan.output, true)?;
-    require_inputs(&plan.inputs, "info PART.brf")?;
-    let bars = start(plan.work)?;
+    require_store_name(&request.output, true)?;
+    require_inputs(&request.inputs, "info PART.brf")?;
+    let bars = start(request.work)?;
     let outputs: Vec<&Path> =
-        [Some(&plan.output), plan.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
-    let clouds = open_clouds(&plan.inputs, &outputs, plan.estimate_normals, &bars)?;
-    if clouds.is_some() && plan.gwn_error.is_none() {
-        plan.options.gwn_error = CLOUD_ERROR;
+        [Some(&request.output), request.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
+    let clouds = open_clouds(&request.inputs, &outputs, request.estimate_normals, &bars)?;
+    if clouds.is_some() && request.gwn_error.is_none() {
+        request.options.gwn_error = CLOUD_ERROR;
     }
     let columns = clouds.as_deref().unwrap_or_default().iter().map(CloudText::of).collect();
     let inputs = match &clouds {
-        None => open_inputs(&plan.inputs, &outputs, &plan.open, &bars)?,
+        None => open_inputs(&request.inputs, &outputs, &request.open, &bars)?,
         Some(_) => Vec::new(),
     };
-    plan.toolpath.require_features(features_of(&inputs))?;
+    request.toolpath.require_features(features_of(&inputs))?;
     let toolpaths = ToolpathReport::of_inputs(&inputs);
-    if !toolpaths.is_empty() && plan.units != Unit::Mm {
-        if toolpaths.len() < inputs.len() {
-            let what =
-                "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
-            return Err(Failure::Usage(format!("--unit {}: {what}", plan.units)));
-        }
-        count_in_mm(&mut plan);
-    }
-    choose_solids(&mut plan, &inputs, clouds.is_some())?;
-    let chosen = choose(&plan.backend, plan.memory, Some(not_for_devices(&plan.options, clouds.is_some())))?;
-    plan.options.resources.device = chosen.device().map(|device| device.with_check(plan.device_check.into()));
+    settle_unit(&mut request, &inputs)?;
+    choose_solids(&mut request, &inputs, clouds.is_some())?;
+    let chosen =
+        choose(&request.backend, request.memory, Some(not_for_devices(&request.options, clouds.is_some())))?;
+    request.options.resources.device =
+        chosen.device().map(|device| device.with_check(request.device_check.into()));
     let open_seconds = started.elapsed().as_secs_f64();
-    let budget = memory::budget(plan.memory);
-    plan.options.resources.memory = match &clouds {
-        None => memory::require_room(&inputs, &plan.options, budget)?,
+    let budget = memory::budget(request.memory);
+    request.take_memory(match &clouds {
+        None => memory::require_room(&inputs, &request.options, budget)?,
         Some(clouds) => memory::require_room_for_points(clouds, budget)?,
-    };
-    if let Some(device) = &plan.options.resources.device {
-        // What batches take of the device's memory is this machine's where the device is a part of it, and half of it is
-        // in any case.
-        plan.options.resources.memory -= device.gpu().memory().min(plan.options.resources.memory / 2);
-    }
-    plan.options.resources.index = memory::index_share(plan.options.resources.memory);
+    });
     // Made before the long work, so that a name that cannot be written costs no time.
-    if let Some(mesh) = &plan.mesh {
-        tell_left_behind(mesh, plan.work.quiet);
+    if let Some(mesh) = &request.mesh {
+        tell_left_behind(mesh, request.work.quiet);
     }
-    let sink = plan.mesh.as_deref().map(|path| mesh_sink(path, Some(plan.units), false)).transpose()?;
+    let sink = request.mesh.as_deref().map(|path| mesh_sink(path, Some(request.units), false)).transpose()?;
     let mut summary = match clouds {
-        None => build_opened(&inputs, &plan.output, &plan.options, &bars)?,
-        Some(clouds) => build_clouds(clouds, plan.estimate_normals, &plan.output, &plan.options, &bars)?,
+        None => build_opened(&inputs, &request.output, &request.options, &bars)?,
+        Some(clouds) => {
+            build_clouds(clouds, request.estimate_normals, &request.output, &request.options, &bars)?
+        }
     };
     drop::<Vec<Input>>(inputs);
     summary.phases.insert(0, ("open", open_seconds));
-    let store = Store::open_any(&plan.output, plan.cache_bytes())?;
-    let mesh = mesh_of(&plan, &store, sink, &mut summary, &bars)?;
+    let store = Store::open_any(&request.output, request.cache_bytes())?;
+    let mesh = mesh_of(&request, &store, sink, &mut summary, &bars)?;
     bars.clear();
-    let cpu = why_cpu(&plan, &chosen, &summary);
-    let mut report = BuildReport::new(&plan, cpu, summary, &store, mesh, started.elapsed().as_secs_f64());
+    let cpu = why_cpu(&request, &chosen, &summary);
+    let mut report = BuildReport::new(&request, cpu, summary, &store, mesh, started.elapsed().as_secs_f64());
     report.clouds = columns;
     report.toolpaths = (!toolpaths.is_empty()).then_some(toolpaths);
+    tell(&request, &report)
+}
+
+/// Builds a share from a plan.
+fn build_shard(mut request: BuildRequest, plan: &Path) -> Result<(), Failure> {
+    let started = Instant::now();
+    require_store_name(&request.output, true)?;
+    require_distinct(&[&request.output], &[plan])?;
+    let bars = start(request.work)?;
+    let chosen = choose(&request.backend, request.memory, Some(not_for_devices(&request.options, false)))?;
+    request.options.resources.device =
+        chosen.device().map(|device| device.with_check(request.device_check.into()));
+    let budget = memory::budget(request.memory);
+    request.take_memory(memory::require_room(&[], &request.options, budget)?);
+    let summary = build_planned(plan, &request.output, &request.options, &bars)?;
+    let store = Store::open_any(&request.output, request.cache_bytes())?;
+    bars.clear();
+    let cpu = why_cpu(&request, &chosen, &summary);
+    let report = BuildReport::new(&request, cpu, summary, &store, None, started.elapsed().as_secs_f64());
+    tell(&request, &report)
+}
+
+fn tell(request: &BuildRequest, report: &BuildReport) -> Result<(), Failure> {
     report.warn();
-    if plan.json {
-        print_json(&report)
-    } else if !plan.work.quiet {
+    if request.json {
+        print_json(report)
+    } else if !request.work.quiet {
         print(&report.text())
     } else {
         Ok(())
@@ -256,20 +302,20 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
 
 /// The mesh that was asked for.
 fn mesh_of(
-    plan: &BuildRequest,
+    request: &BuildRequest,
     store: &Store,
     sink: Option<Box<dyn MeshSink>>,
     summary: &mut BuildSummary,
     bars: &Bars,
 ) -> Result<Option<MeshReport>, Failure> {
-    let (Some(path), Some(mut sink)) = (&plan.mesh, sink) else { return Ok(None) };
+    let (Some(path), Some(mut sink)) = (&request.mesh, sink) else { return Ok(None) };
     let begun = Instant::now();
     let options = ContourOptions {
-        cache_bytes: plan.cache_bytes() as usize,
-        temp_dir: plan.options.resources.temp_dir.clone(),
+        cache_bytes: request.cache_bytes() as usize,
+        temp_dir: request.options.resources.temp_dir.clone(),
         ..ContourOptions::default()
     };
-    require_mesh_space(store, path, (options.iso, None), plan.work.quiet)?;
+    require_mesh_space(store, path, (options.iso, None), request.work.quiet)?;
     let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
     summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
     report.compare(store, &options, bars)?;
@@ -277,16 +323,20 @@ fn mesh_of(
 }
 
 /// Decides whether beads become solids.
-fn choose_solids(plan: &mut BuildRequest, inputs: &[Input], are_clouds: bool) -> Result<(), Failure> {
-    let (solids, note) = match (are_clouds, plan.beads) {
-        (false, beads) => solids(beads, &plan.open.sweep.shape, inputs)?,
+pub(super) fn choose_solids(
+    request: &mut BuildRequest,
+    inputs: &[Input],
+    are_clouds: bool,
+) -> Result<(), Failure> {
+    let (solids, note) = match (are_clouds, request.beads) {
+        (false, beads) => solids(beads, &request.open.sweep.shape, inputs)?,
         (true, Some(BeadsArg::Analytic)) => {
             return Err(Failure::Usage("--beads-as analytic: points are no beads; leave it out".to_owned()));
         }
         (true, _) => (None, None),
     };
-    plan.options.solids = solids;
-    if plan.options.tolerance > 0.0 {
+    request.options.solids = solids;
+    if request.options.tolerance > 0.0 {
         let why = match (are_clouds, solids) {
             (true, _) => Some("points have no facets to measure by; leave it out"),
             (_, Some(_)) => {
@@ -303,14 +353,14 @@ fn choose_solids(plan: &mut BuildRequest, inputs: &[Input], are_clouds: bool) ->
         (_, Some(_)) => Some("beads as solids have no facets to turn"),
         _ => None,
     };
-    if let (Some(why), true) = (why, plan.orient.is_some()) {
+    if let (Some(why), true) = (why, request.orient.is_some()) {
         return Err(Failure::Usage(format!("--orient: {why}; leave it out")));
     }
-    if plan.options.identity && solids.is_none() {
+    if request.options.identity && solids.is_none() {
         let why = note.unwrap_or("it needs toolpaths as solids");
         return Err(Failure::Usage(format!("--identity: {why}; leave it out")));
     }
-    if plan.count.is_some() && solids.is_none() {
+    if request.count.is_some() && solids.is_none() {
         let why = note.unwrap_or("it needs toolpaths as solids");
         return Err(Failure::Usage(format!("--count: {why}; leave it out")));
     }
@@ -321,14 +371,14 @@ fn choose_solids(plan: &mut BuildRequest, inputs: &[Input], are_clouds: bool) ->
 }
 
 /// Why the processor evaluated the bricks, if a device might have.
-fn why_cpu(plan: &BuildRequest, chosen: &ComputeDevice, summary: &BuildSummary) -> Option<String> {
+fn why_cpu(request: &BuildRequest, chosen: &ComputeDevice, summary: &BuildSummary) -> Option<String> {
     if let ComputeDevice::Cpu { why } = chosen {
         return why.clone();
     }
     if summary.device.is_some() {
         return None;
     }
-    Some(not_for_devices(&plan.options, summary.points > 0).to_owned())
+    Some(not_for_devices(&request.options, summary.points > 0).to_owned())
 }
 
 /// Why no device evaluates the bricks, unless one is asked for.

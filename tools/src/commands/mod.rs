@@ -3,6 +3,7 @@
 mod balance;
 pub mod beads;
 pub mod build;
+mod build_plan;
 mod build_report;
 mod build_volume;
 pub mod cache;

@@ -32,6 +32,11 @@ impl Binner {
         Binner { kept: (cells.start as u32, cells.end as u32), ..self }
     }
 
+    /// Numbers of the descendants that are kept.
+    pub fn kept(&self) -> Range<usize> {
+        self.kept.0 as usize..self.kept.1 as usize
+    }
+
     /// The node whose descendants are meant.
     pub fn node(&self) -> NodeKey {
         self.node

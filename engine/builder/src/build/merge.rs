@@ -132,8 +132,6 @@ fn facts(meta: &Meta, share: &Share) -> Vec<(String, String)> {
     let BuildCounts { facets, degenerate_facets, .. } = meta.numbers;
     fact("number of facets", format!("{facets} ({degenerate_facets} without area)"));
     fact("number of segments", meta.beads.as_ref().map_or(0, |beads| beads.segments).to_string());
-    let fed = meta.volumes.as_ref().and_then(|volumes| volumes.swept?.fed);
-    fact("material fed", fed.map_or("not known".to_owned(), |fed| fed.to_string()));
     // Toolpaths are swept and filtered by settings that leave no other trace.
     fact("sum over all pieces", format!("{:016x}", share.found.pieces));
     fact("level of cubes", share.level.to_string());

@@ -5,34 +5,34 @@
 use crate::store::ShareId;
 use std::ops::Range;
 
-/// The cubes of share `id`, by their numbers, if each cube is this much work.
-pub(super) fn cut(id: ShareId, work: &[u64]) -> Range<u64> {
-    let starts = starts(work, id.of);
+/// The cubes of share `id`, by their numbers, if each cube is this much work. The first share has some `other` work beside.
+pub(super) fn cut(id: ShareId, work: &[u64], other: u64) -> Range<u64> {
+    let starts = starts(work, id.of, other);
     let start = |number: u32| starts.get(number as usize).map_or(work.len() as u64, |&cell| cell as u64);
     start(id.number - 1)..start(id.number)
 }
 
 /// Where each share begins, if there are at most `shares`, such that the largest has as little work as possible; fewer
 /// if that many have the cubes to themselves. A share is filled up to the largest's work before the next begins.
-fn starts(work: &[u64], shares: u32) -> Vec<usize> {
-    let total: u64 = work.iter().sum();
+fn starts(work: &[u64], shares: u32, other: u64) -> Vec<usize> {
+    let total: u64 = other + work.iter().sum::<u64>();
     // The bound on a share is sought by bisection: `enough` suffices, nothing below `least` does.
-    let largest = work.iter().copied().max().unwrap_or(0);
+    let largest = work.iter().copied().max().unwrap_or(0).max(other);
     let mut least = largest.max(total.div_ceil(u64::from(shares)));
     let mut enough = total;
     while least < enough {
         let middle = least + (enough - least) / 2;
-        match fill(work, middle).len() <= shares as usize {
+        match fill(work, middle, other).len() <= shares as usize {
             true => enough = middle,
             false => least = middle + 1,
         }
     }
-    fill(work, enough)
+    fill(work, enough, other)
 }
 
 /// Where shares of at most `bound` begin, each as long as can be.
-fn fill(work: &[u64], bound: u64) -> Vec<usize> {
-    let (mut starts, mut sum) = (vec![0], 0u64);
+fn fill(work: &[u64], bound: u64, other: u64) -> Vec<usize> {
+    let (mut starts, mut sum) = (vec![0], other);
     for (cell, &more) in work.iter().enumerate() {
         sum += more;
         if sum > bound {
@@ -51,7 +51,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn cuts(work: &[u64], of: u32) -> Vec<Range<u64>> {
-        (1..=of).map(|number| cut(ShareId { number, of }, work)).collect()
+        (1..=of).map(|number| cut(ShareId { number, of }, work, 0)).collect()
     }
 
     /// The least that the largest of `shares` runs can have, by trying all.
@@ -74,10 +74,17 @@ mod tests {
     }
 
     #[test]
+    fn the_first_share_has_less_of_the_cubes_if_it_has_other_work() {
+        let of = |number, other| cut(ShareId { number, of: 3 }, &[1; 9], other);
+        assert_eq!([of(1, 3), of(2, 3), of(3, 3)], [0..1, 1..5, 5..9]);
+        assert_eq!([of(1, 100), of(2, 100), of(3, 100)], [0..0, 0..9, 9..9]);
+    }
+
+    #[test]
     fn a_node_is_owned_by_the_share_of_its_first_cube() {
         let share = |number| {
             let id = ShareId { number, of: 3 };
-            let cells = cut(id, &[1; 64]);
+            let cells = cut(id, &[1; 64], 0);
             let found = ShareNumbers { cells: (cells.start, cells.end), ..Default::default() };
             Share { id, level: 2, gwn_error: 1e-3, found }
         };

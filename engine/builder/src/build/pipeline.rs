@@ -1,38 +1,30 @@
 //! The main job: mesh files in, store out.
 
-use super::bins::Binner;
 use super::clock::Clock;
-use super::cost::{CostMap, weigh_soup};
-use super::field::PieceField;
+use super::cost::weigh_soup;
 use super::forecast::{ForecastInput, foresee};
-use super::jobs::{BuildPlan, build_tree, job_level, sort_cubes};
 use super::open::OpenSoup;
 use super::orient;
-use super::partition::cut;
 use super::rebuild::without_wrong_device;
-use super::resources::{Resources, SpillResources};
-use super::rules::{OPEN, Rules, TreeOptions, require_no_tolerance};
+use super::resources::Resources;
+use super::rules::{OPEN, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
-use super::sorted::SortedPieces;
 use super::soup::Soup;
-use super::summary::{BuildSummary, ResumedBuild, ShareSummary};
-use super::thin::{ThinDepth, ThinSummary};
+use super::summary::BuildSummary;
+use super::task::Task;
+use super::thin::ThinDepth;
 use super::toolpaths::{bead_sources, build_beads};
-use crate::brick::{Count, ThinFeatures};
+use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input, Survey};
 use crate::lattice::{MAX_LEVEL, RootCube};
-use crate::pieces::{Consistency, FlippedSource, InsideOut};
+use crate::pieces::{Consistency, FlippedSource};
 use crate::progress::Progress;
 use crate::solid::Outline;
-use crate::store::{
-    BeadsMeta, BuildCounts, Compression, Meta, Records, Refine, SettingPairs, Share, ShareId, ShareNumbers,
-    Source, Stats, StoreWriter, check_target,
-};
+use crate::store::{Compression, Refine, SettingPairs, ShareId, Source, check_target};
 use crate::volumes::facet_volumes;
 use crate::winding::{FAR_FIELD_BYTES, OpenSummary};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::time::Duration;
 
 /// How fine the deepest bricks are.
@@ -51,6 +43,9 @@ pub enum Resolution {
 
 /// [`Resolution::Auto`] of all but point clouds.
 const AUTO_DEPTH: u8 = 4;
+
+/// Facets whose volumes cost what one more facet in a cube does. Measured on 10 million.
+const FACETS_OF_VOLUMES: u64 = 2;
 
 /// Settings of [`build`].
 #[derive(Clone, Debug, PartialEq)]
@@ -178,36 +173,35 @@ fn build_soup(
 ) -> Result<BuildSummary> {
     let mut clock = Clock::default();
     check_target(output)?;
-    let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
-    let (min, max) = Survey::bounds_of_all(&surveys);
-    let (root, depth) = place(opened.first().map(Input::path), min, max, options.resolution)?;
-    foresee(&ForecastInput::Facets(opened), (root, depth), (min, max), output, options, progress)?;
-    let sources =
-        opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
-    let mut task = Task::begin(sources, (min, max), root, depth, output, options, None)?;
+    let MeasuredSoup { bounds, root, depth, sources } = measure_soup(opened, options.resolution, progress)?;
+    foresee(&ForecastInput::Facets(opened), (root, depth), bounds, output, options, progress)?;
+    let mut task = Task::begin(sources, bounds, root, depth, output, options, None)?;
     clock.lap("measure");
     let given: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
     let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
     let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
     let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
     clock.lap_if(turned.is_some(), "orient");
-    task.cut(|cubes| weigh_soup(&soups, root, cubes, progress))?;
+    let facets: u64 = opened.iter().map(Input::facets).sum();
+    task.cut(|cubes| weigh_soup(&soups, root, cubes, progress), facets / FACETS_OF_VOLUMES)?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
-    progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
+    progress.phase("snapping", Some(facets), "facets");
     let cubes = task.cubes();
     let soup = snap(&soups, root, (cubes, task.rules.sieved()), &task.room, progress)?;
     opened.iter().try_for_each(Input::check)?;
     require_area(&soup, opened)?;
-    task.meta.numbers.facets = opened.iter().map(Input::facets).sum();
+    task.meta.numbers.facets = facets;
     task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
     let device = options.resources.device.clone();
     let open = if soup.balance.is_closed() {
         task.build(&Soup { device, open: None }, soup.sorted, progress)?;
         clock.lap("build");
-        let volumes = facet_volumes(&soups, (min, max), task.room.memory() / 8, progress);
-        task.meta.volumes = task.keep(volumes)?;
-        clock.lap("volumes");
+        if task.measures_volumes() {
+            let volumes = facet_volumes(&soups, bounds, task.room.memory() / 8, progress);
+            task.meta.volumes = task.keep(volumes)?;
+            clock.lap("volumes");
+        }
         OpenSummary::default()
     } else {
         require_no_tolerance(options.tolerance, OPEN)?;
@@ -249,218 +243,26 @@ fn build_soup(
     })
 }
 
-/// The error of an index that takes more than it may, of a store whose nodes so far are kept.
-fn outgrown(writer: &mut StoreWriter, index: u64) -> Error {
-    if let Err(error) = writer.commit() {
-        return error;
-    }
-    let (part, nodes) = writer.unfinished().unwrap_or_default();
-    let kib = index >> 10;
-    let what = format!("the index of {nodes} nodes has outgrown the {kib} KiB that it may take");
-    Error::store(&part, "index", what, "run the same again with more `memory`, which goes on from there")
+/// Inputs that have been measured: where they lie, and what they are.
+pub(super) struct MeasuredSoup {
+    pub bounds: ([f64; 3], [f64; 3]),
+    pub root: RootCube,
+    pub depth: u8,
+    pub sources: Vec<Source>,
 }
 
-/// A build whose input is known and measured: the store is begun.
-pub(super) struct Task {
-    pub rules: Rules,
-    pub meta: Meta,
-    pub writer: StoreWriter,
-    /// Memory and temporary file.
-    pub room: SpillResources,
-    /// What hides between the samples of the leaves that were built.
-    thin: Mutex<ThinFeatures>,
-    /// The part of all work that was foreseen for the share, if only one is asked for.
-    work: f64,
-    /// What was there when it began.
-    resumed: Option<ResumedBuild>,
-}
-
-impl Task {
-    /// Checks the settings and begins the store.
-    pub fn begin(
-        sources: Vec<Source>,
-        (bounds_min, bounds_max): ([f64; 3], [f64; 3]),
-        root: RootCube,
-        depth: u8,
-        output: &Path,
-        options: &BuildOptions,
-        beads: Option<BeadsMeta>,
-    ) -> Result<Task> {
-        let compression = options.compression;
-        if options.share.is_some() && compression != Compression::Lz4 {
-            let what = format!("a share of a store is not built with the compression {compression}");
-            return Err(Error::setting(
-                what,
-                "leave it out, and repack the whole when the shares are joined",
-            ));
-        }
-        let BuildOptions { stddev, tolerance, .. } = *options;
-        let (depth, refine) = options.thin.of(depth, options.refine)?;
-        let rules = Rules::new(TreeOptions { depth, refine, stddev, tolerance }, root)?;
-        let rules = Rules { compression: Some(compression), ..rules };
-        let meta = Meta {
-            program: options.program.clone(),
-            sources,
-            unit: options.unit.clone(),
-            root,
-            bounds_min,
-            bounds_max,
-            depth,
-            refine,
-            stddev,
-            tolerance: (tolerance > 0.0).then_some(tolerance),
-            numbers: BuildCounts::default(),
-            beads,
-            volumes: None,
-            share: options.share.map(|id| Share {
-                id,
-                level: job_level(&rules),
-                gwn_error: options.gwn_error,
-                found: ShareNumbers::default(),
-            }),
-        };
-        let room = SpillResources::new(&options.resources, output)?;
-        let CommitOptions { pace, restart, settings } = options.keeping.clone();
-        let of_build = [
-            ("made by", "build".to_owned()),
-            ("error of samples", options.gwn_error.to_string()),
-            ("compression", compression.to_string()),
-            ("way to turn pieces", format!("{:?}", options.orient)),
-        ];
-        let of_build = of_build.into_iter().map(|(name, value)| (name.to_owned(), value));
-        let writer = StoreWriter::resume(output, &meta, of_build.chain(settings).collect(), restart, pace)?;
-        let resumed =
-            writer.kept().map(|kept| ResumedBuild { nodes: kept.nodes(), part: kept.part_of_curve() });
-        Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0, resumed })
-    }
-
-    /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
-    /// tree's depth.
-    pub fn cut(&mut self, weigh: impl FnOnce((u8, u8)) -> Result<CostMap>) -> Result<()> {
-        let Some(share) = &mut self.meta.share else { return Ok(()) };
-        let work = weigh((share.level, self.rules.depth))?;
-        let of_cubes = work.of_cubes();
-        let cells = cut(share.id, &of_cubes);
-        let of_share: u64 = of_cubes[cells.start as usize..cells.end as usize].iter().sum();
-        self.work = of_share as f64 / of_cubes.iter().sum::<u64>().max(1) as f64;
-        share.found.cells = (cells.start, cells.end);
-        share.found.pieces = work.sum;
-        Ok(())
-    }
-
-    /// The cubes that pieces are to be sorted by.
-    pub fn cubes(&self) -> Binner {
-        let cubes = sort_cubes(&self.rules);
-        match &self.meta.share {
-            Some(share) if self.rules.refines_all_touched() => cubes.keeping(share.cells()),
-            _ => cubes,
-        }
-    }
-
-    /// Builds the tree.
-    pub fn build<F: PieceField>(
-        &mut self,
-        field: &F,
-        sorted: SortedPieces<F>,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        if let Some(ResumedBuild { nodes, part }) = &self.resumed {
-            let percent = 100.0 * part;
-            progress.note(&format!(
-                "going on from {nodes} nodes of an earlier run, about {percent:.0}% of the tree"
-            ));
-        }
-        let kept = self.writer.kept();
-        let share = self.meta.share.as_ref();
-        let plan = BuildPlan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
-        let (writer, index) = (&mut self.writer, self.room.index());
-        let mut record = |bricks: Records| {
-            let bytes = bricks.write(writer)?;
-            writer.commit_if_due()?;
-            if bytes > index { Err(outgrown(writer, index)) } else { Ok(bytes) }
-        };
-        let built = build_tree(field, sorted, plan, self.room.memory(), progress, &mut record);
-        let empty = self.keep(built)?;
-        if let Some(share) = &mut self.meta.share {
-            share.found.joined = self.rules.refines_all_touched();
-            share.found.empty = empty;
-        }
-        Ok(())
-    }
-
-    /// The pieces that are inside out, if a whole tree is negative somewhere.
-    fn find_inside_out(
-        &mut self,
-        soups: &[&dyn Facets],
-        progress: &dyn Progress,
-    ) -> Result<Option<InsideOut>> {
-        let is_negative = self.writer.lowest().is_some_and(|lowest| lowest < 0);
-        if !is_negative || self.meta.share.is_some() {
-            return Ok(None);
-        }
-        let found = orient::find_inside_out(soups, self.meta.root, self.room.memory(), progress);
-        self.keep(found)
-    }
-
-    /// Passes on a result. If the user or the system is why it is an error, what there is so far is kept; if a device is,
-    /// nothing of it.
-    pub fn keep<T>(&mut self, result: Result<T>) -> Result<T> {
-        if matches!(result, Err(Error::Distrusted { .. })) {
-            self.writer.give_up();
-        }
-        let Err(error @ (Error::Interrupted | Error::Io { .. })) = result else { return result };
-        // If the store itself can no longer be written, what was committed before is there.
-        let committed = self.writer.commit();
-        match (error, self.writer.unfinished()) {
-            (Error::Interrupted, Some((part, nodes))) if committed.is_ok() => {
-                Err(Error::Suspended { part, nodes })
-            }
-            (error, _) => Err(error),
-        }
-    }
-
-    /// Completes the store.
-    pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<BuildSummary> {
-        progress.phase("finishing", None, "bytes");
-        let Meta { root, depth, numbers: BuildCounts { facets, degenerate_facets, .. }, .. } = self.meta;
-        let share = self.meta.share.as_ref().map(|share| ShareSummary {
-            id: share.id,
-            level: share.level,
-            cubes: share.cells().end - share.cells().start,
-            work: self.work,
-        });
-        let thin = self.thin.into_inner().expect("no thread panicked");
-        let thin = (!thin.is_empty()).then(|| ThinSummary::new(&thin, root, depth));
-        let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
-        clock.lap("finish");
-        Ok(BuildSummary {
-            facets,
-            segments: 0,
-            degenerate_facets,
-            points: 0,
-            void_points: 0,
-            spacing: 0.0,
-            skipped_faces: 0,
-            depth,
-            cell: root.spacing(depth),
-            nodes,
-            leaves,
-            file_bytes,
-            open_edges: 0,
-            loops: 0,
-            flipped_patches: 0,
-            pieces: None,
-            inside_out: None,
-            turned_sweeps: 0,
-            temporary_bytes: self.room.file().bytes(),
-            base_depth: self.rules.depth,
-            thin,
-            resumed: self.resumed,
-            share,
-            device: None,
-            phases: clock.laps,
-        })
-    }
+/// Measures meshes, and lays the lattice under them.
+pub(super) fn measure_soup(
+    opened: &[Input],
+    resolution: Resolution,
+    progress: &dyn Progress,
+) -> Result<MeasuredSoup> {
+    let surveys: Vec<Survey> = opened.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
+    let bounds = Survey::bounds_of_all(&surveys);
+    let (root, depth) = place(opened.first().map(Input::path), bounds.0, bounds.1, resolution)?;
+    let sources =
+        opened.iter().zip(&surveys).map(|(input, survey)| describe(input, survey.identity)).collect();
+    Ok(MeasuredSoup { bounds, root, depth, sources })
 }
 
 /// The root cube and the deepest level.
@@ -535,7 +337,7 @@ pub(super) fn describe(input: &Input, identity: [u8; 32]) -> Source {
 }
 
 /// Fails if no facet has an area.
-fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
+pub(super) fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
     match opened.first() {
         Some(first) if soup.degenerate == opened.iter().map(Input::facets).sum::<u64>() => Err(Error::input(
             first.path(),

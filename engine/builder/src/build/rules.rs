@@ -5,7 +5,7 @@ use super::fit::MeshTolerance;
 use crate::brick::{Samples, SignChanges, ThinFeatures, ThinLines};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, RootCube};
-use crate::store::{Compression, Refine};
+use crate::store::{Compression, Meta, Refine};
 
 /// How deep and where the tree is refined, as asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -112,6 +112,12 @@ impl Rules {
             compression: Some(Compression::Lz4),
             evaluate_interior: false,
         })
+    }
+
+    /// Those of the store that `meta` tells of.
+    pub fn of(meta: &Meta) -> Result<Rules> {
+        let Meta { depth, refine, stddev, tolerance, root, .. } = *meta;
+        Rules::new(TreeOptions { depth, refine, stddev, tolerance: tolerance.unwrap_or(0.0) }, root)
     }
 
     /// True if every node that a piece touches is refined down to [`Rules::depth`], whatever its samples.

@@ -32,6 +32,11 @@ impl<F: PieceField> Default for SortedPieces<F> {
 }
 
 impl<F: PieceField> SortedPieces<F> {
+    /// Pieces that are all elsewhere, and their sums.
+    pub fn kept_elsewhere(corners: F::Corners, pieces: Box<dyn CellStore<F>>) -> SortedPieces<F> {
+        SortedPieces { runs: Vec::new(), elsewhere: Some(pieces), corners: Some(corners) }
+    }
+
     /// Adds a run; every run comes with the same binner.
     pub fn push(&mut self, field: &F, binner: &Binner, pieces: &[F::Piece]) {
         self.add_corners(field, binner, pieces);

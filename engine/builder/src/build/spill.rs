@@ -22,7 +22,7 @@ pub(super) struct FileExtent {
     pub offset: u64,
     pub length: u32,
     /// CRC-32: what a disk returns is checked before it is taken for triangles.
-    crc: u32,
+    pub crc: u32,
 }
 
 impl FileExtent {

@@ -5,10 +5,11 @@ use super::clock::Clock;
 use super::cost::weigh_pieces;
 use super::forecast::{ForecastInput, foresee};
 use super::identity::{ListSources, ListedNodes, write_identity};
-use super::pipeline::{BuildOptions, Resolution, Task, describe, place, place_by};
+use super::pipeline::{BuildOptions, Resolution, describe, place, place_by};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
 use super::summary::BuildSummary;
+use super::task::Task;
 use crate::brick::Count;
 use crate::error::{Error, Result};
 use crate::ingest::Input;
@@ -19,6 +20,9 @@ use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, So
 use crate::toolpath::{Attributes, Passes, Toolpath};
 use crate::volumes::bead_volumes;
 use std::path::Path;
+
+/// What measuring the volumes of a segment costs, in the time that one more segment in a cube does.
+const VOLUMES_OF_SEGMENT: u64 = 16;
 
 /// A toolpath and the file that it was read from.
 #[derive(Clone, Debug)]
@@ -66,11 +70,14 @@ pub fn build_beads(
     let mut task = Task::begin(described, (min, max), root, depth, output, options, Some(beads.clone()))?;
     let passes = passes_of(&paths, count);
     let counted: Vec<_> = paths.iter().copied().zip(&passes).collect();
-    task.meta.volumes =
-        Some(bead_volumes(&counted, outline, (min, max), options.resources.memory / 8, progress)?);
-    clock.lap("volumes");
+    if task.measures_volumes() {
+        let memory = options.resources.memory / 8;
+        task.meta.volumes = Some(bead_volumes(&counted, outline, (min, max), memory, progress)?);
+        clock.lap("volumes");
+    }
     let (solids, segments) = Solids::of_passes(&counted, root, outline)?;
-    task.cut(|cubes| weigh_pieces(&solids, &segments, cubes, progress))?;
+    let other = VOLUMES_OF_SEGMENT * segments.len() as u64;
+    task.cut(|cubes| weigh_pieces(&solids, &segments, cubes, progress), other)?;
     clock.lap_if(task.meta.share.is_some(), "weigh");
     progress.phase("sorting", Some(segments.len() as u64), "segments");
     let sorted = sort_segments(&solids, &segments, task.cubes(), progress)?;

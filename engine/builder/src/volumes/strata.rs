@@ -14,7 +14,15 @@ pub(super) struct Strata {
     counts: [u32; 3],
     /// Extent of a cell, in units.
     cell: [f64; 3],
+    /// Where each line stands, if there are not too many: asked for more often than there are lines.
+    positions: Vec<[i32; 2]>,
 }
+
+/// Lines whose positions are kept, at most: a megabyte.
+const KEPT_LINES: usize = 1 << 17;
+
+/// Cells that a shape's box touches at most if each of them is looked at. Beyond, the cells outside the shape are left out.
+const CELLS_OF_BOX: u32 = 4;
 
 impl Strata {
     /// About `lines` lines in sheets of this thickness along the first axis, of which one begins at `edge`; their cells are
@@ -32,7 +40,7 @@ impl Strata {
         let mut strata = Strata::new(low, extent, counts);
         strata.low[0] = begin;
         strata.cell[0] = thickness.max((f64::from(high[0]) - begin) / sheets);
-        strata
+        strata.with_positions()
     }
 
     /// About `lines` lines from one end of the box to the other.
@@ -40,12 +48,20 @@ impl Strata {
         let extent = extent(low, high);
         let strata = (lines / LINES).max(1) as f64;
         let along = (strata * extent[0] / extent[1]).sqrt().clamp(1.0, strata).round();
-        Strata::new(low, extent, [along, (strata / along).round().max(1.0), 1.0])
+        Strata::new(low, extent, [along, (strata / along).round().max(1.0), 1.0]).with_positions()
     }
 
     fn new(low: Units, extent: [f64; 3], counts: [f64; 3]) -> Strata {
         let cell = [0, 1, 2].map(|a| extent[a] / counts[a]);
-        Strata { low: low.map(f64::from), counts: counts.map(|count| count as u32), cell }
+        let counts = counts.map(|count| count as u32);
+        Strata { low: low.map(f64::from), counts, cell, positions: Vec::new() }
+    }
+
+    /// The same with the positions found, once the grid is as it will be.
+    fn with_positions(mut self) -> Strata {
+        let kept = if self.len() <= KEPT_LINES { self.len() } else { 0 };
+        self.positions = (0..kept as u32).map(|line| self.placed(line)).collect();
+        self
     }
 
     /// How many lines there are.
@@ -56,6 +72,10 @@ impl Strata {
     /// Position of a line.
     #[inline]
     pub fn position(&self, line: u32) -> [i32; 2] {
+        self.positions.get(line as usize).copied().unwrap_or_else(|| self.placed(line))
+    }
+
+    fn placed(&self, line: u32) -> [i32; 2] {
         let stratum = line / LINES as u32;
         let at = [stratum % self.counts[0], stratum / self.counts[0] % self.counts[1]];
         // Odd, as samples are: no line passes through a vertex.
@@ -96,15 +116,17 @@ impl Strata {
     #[inline]
     pub fn near(&self, shape: &LineQuery<'_>, numbers: &Range<u32>, mut each: impl FnMut(u32, [i32; 2])) {
         let (min, max) = shape.bounds;
-        let rows = self.cells(1, f64::from(min[1]), f64::from(max[1]));
-        for row in rows {
-            let low = self.low[1] + f64::from(row) * self.cell[1];
-            let Some(extent) = shape.extent(low, low + self.cell[1]) else { continue };
-            let [columns, _, slabs] = [0, 1, 2].map(|a| {
-                let (low, high) = (f64::from(min[a]), f64::from(max[a]));
-                let (from, to) = if a == shape.axis { extent } else { (low, high) };
-                self.cells(a, from.max(low), to.min(high))
-            });
+        let of_box = [0, 1, 2].map(|a| self.cells(a, f64::from(min[a]), f64::from(max[a])));
+        let is_small = of_box.iter().map(|cells| cells.end - cells.start).product::<u32>() <= CELLS_OF_BOX;
+        for row in of_box[1].clone() {
+            let [mut columns, _, mut slabs] = of_box.clone();
+            if !is_small {
+                let low = self.low[1] + f64::from(row) * self.cell[1];
+                let Some((from, to)) = shape.extent(low, low + self.cell[1]) else { continue };
+                let (low, high) = (f64::from(min[shape.axis]), f64::from(max[shape.axis]));
+                let within = self.cells(shape.axis, from.max(low), to.min(high));
+                *(if shape.axis == 0 { &mut columns } else { &mut slabs }) = within;
+            }
             for slab in slabs {
                 let first = (slab * self.counts[1] + row) * self.counts[0];
                 let [start, end] = [columns.start, columns.end].map(|c| (first + c) * LINES as u32);
@@ -121,6 +143,9 @@ impl Strata {
     /// The cells along an axis that a stretch of it touches.
     #[inline]
     fn cells(&self, axis: usize, from: f64, to: f64) -> Range<u32> {
+        if self.counts[axis] == 1 {
+            return 0..1;
+        }
         // A position may be rounded up by one unit.
         let of = |at: f64| ((at - self.low[axis]) / self.cell[axis]) as i64;
         let last = i64::from(self.counts[axis]) - 1;

@@ -103,7 +103,8 @@ impl JournalHead {
     }
 }
 
-fn encode_settings(settings: &SettingPairs) -> Vec<u8> {
+/// Pairs as texts with their lengths, as in the journal.
+pub fn encode_settings(settings: &SettingPairs) -> Vec<u8> {
     let mut out = Vec::new();
     for text in settings.iter().flat_map(|(name, value)| [name, value]) {
         out.extend((text.len() as u32).to_le_bytes());
@@ -202,7 +203,8 @@ impl Journal {
     }
 }
 
-fn decode_settings(bytes: &[u8]) -> Option<SettingPairs> {
+/// What [`encode_settings`] has made; `None` if it is something else.
+pub fn decode_settings(bytes: &[u8]) -> Option<SettingPairs> {
     let mut fields = Fields(bytes);
     let mut text = || {
         let length = fields.u32()? as usize;

@@ -245,6 +245,22 @@ impl Meta {
         bytes.ok_or_else(|| format!("the metadata takes more than {META_BYTES_MAX} bytes"))
     }
 
+    /// The stored form of a shard's metadata, for other files than shards.
+    ///
+    /// # Errors
+    /// One phrase, if it is not a shard's, or too large.
+    pub fn to_shard_bytes(&self) -> Result<Vec<u8>, String> {
+        if self.share.is_none() { Err("it is not a shard's".into()) } else { self.encode() }
+    }
+
+    /// What [`Self::to_shard_bytes`] has made. Takes memory in proportion to `bytes`.
+    ///
+    /// # Errors
+    /// One phrase, if it is something else.
+    pub fn from_shard_bytes(bytes: &[u8]) -> Result<Meta, String> {
+        Meta::decode(bytes, Version::Three)
+    }
+
     fn serialize(&self, options: impl Options + Copy) -> bincode::Result<Vec<u8>> {
         let mut bytes = match (&self.beads, &self.share) {
             (None, None) => options.serialize(self),

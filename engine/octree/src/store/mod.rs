@@ -36,7 +36,7 @@ pub use identity::{
     BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,
 };
 pub use join::{CoarseSamples, JoinedNode, common_empty, interior, join, joined, record_empty};
-pub use journal::SettingPairs;
+pub use journal::{SettingPairs, decode_settings, encode_settings};
 pub use layout::{FORMAT_VERSION, IndexEntry};
 pub use meta::{BeadsMeta, BuildCounts, Meta, Refine, Source};
 pub use moved::MovedTree;

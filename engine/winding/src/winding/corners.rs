@@ -69,6 +69,23 @@ impl CornerGrid {
         }
     }
 
+    /// The jumps that the grid has gathered, to be kept elsewhere.
+    pub fn jumps(&self) -> impl Iterator<Item = i64> {
+        [&self.column, &self.face, &self.rows].into_iter().flatten().copied()
+    }
+
+    /// The grid of jumps that [`Self::jumps`] has listed; `None` if there are more or fewer than such a grid has.
+    pub fn from_jumps(node: NodeKey, stride: u8, jumps: &[i64]) -> Option<CornerGrid> {
+        let mut grid = CornerGrid::new(node, stride);
+        let (column, rest) = jumps.split_at_checked(grid.column.len())?;
+        let (face, rows) = rest.split_at_checked(grid.face.len())?;
+        if rows.len() != grid.rows.len() {
+            return None;
+        }
+        (grid.column, grid.face, grid.rows) = (column.to_vec(), face.to_vec(), rows.to_vec());
+        Some(grid)
+    }
+
     /// The winding numbers, x fastest, given the one at the node's own corner.
     pub fn finish(mut self, corner: i64) -> Vec<i64> {
         let across = self.block.last as usize + 1;

@@ -35,6 +35,8 @@ __all__ = ["build"]
 _HELD = "another process is writing this file"
 #: Seconds that a shard waits for such a run to end.
 _WAIT = 60.0
+#: Settings that say what a run may take. All others are settled by a plan.
+_RESOURCES = {"memory", "temp_dir", "commit_every", "restart", "backend", "device", "gpu_memory", "device_check"}
 
 
 def _end_with_parent() -> None:
@@ -126,6 +128,7 @@ def build(
     folder: PathLike | None = None,
     retries: int = 2,
     threads: int = 1,
+    plan: bool = False,
     progress: Callable[[int, int], None] | None = None,
     **settings: Any,
 ) -> Octree:
@@ -133,7 +136,8 @@ def build(
 
     ``client`` is a ``dask.distributed.Client``, the module ``ray`` after ``ray.init``, or an executor of
     ``concurrent.futures``; by default a process for each core of this machine. ``shards`` is their number, two a worker by
-    default, and ``folder`` where they lie, ``out`` with ``.shards`` by default. ``threads`` are those of one shard. ``progress``
+    default, and ``folder`` where they lie, ``out`` with ``.shards`` by default. ``threads`` are those of one shard. With ``plan``
+    one worker reads the inputs and writes a plan into ``folder``, and each shard reads its part of that; of closed meshes. ``progress``
     is called with the number of finished shards and of all. All other arguments are options of ``brickfield build``, with
     underscores: ``depth=7``, ``cell="0.1mm"``, ``memory="4GiB"``.
 
@@ -143,7 +147,7 @@ def build(
     if client is None:
         with ProcessPoolExecutor(os.cpu_count()) as pool:
             return build(
-                inputs, out, client=pool, shards=shards, folder=folder, retries=retries, threads=threads,
+                inputs, out, client=pool, shards=shards, folder=folder, retries=retries, threads=threads, plan=plan,
                 progress=progress, **settings,
             )
     paths = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
@@ -152,13 +156,19 @@ def build(
     place = Path(folder).resolve() if folder is not None else out.with_name(out.name + ".shards")
     count = shards or 2 * max(1, _workers(client))
     options = _options(settings)
-    plan = {
+    build_of = {
         "inputs": [[str(file), file.stat().st_size, file.stat().st_mtime_ns] for file in files if file.exists()],
         "options": sorted(map(str, options)),
         "shards": count,
+        "plan": plan,
     }
-    _take_folder(place, plan)
+    _take_folder(place, build_of)
     shard = lambda number: place / f"shard-{number}-of-{count}.brf"
+    if plan:
+        planned = place / "part.plan"
+        command = ["build", *map(str, files), "-o", str(planned), "--plan", "--quiet", "--threads", str(threads), *options]
+        _make_plan(client, planned, command, retries)
+        files, options = [planned], _options({name: settings[name] for name in _RESOURCES & settings.keys()})
     wanted = {
         number: ["build", *map(str, files), "-o", str(shard(number)), "--shard", f"{number}/{count}", "--quiet"]
         + ["--threads", str(threads), *options]
@@ -183,13 +193,22 @@ def build(
     return open_store(out)
 
 
-def _take_folder(place: Path, plan: dict[str, Any]) -> None:
+def _make_plan(client: Any, planned: Path, command: list[str], retries: int) -> None:
+    """Makes a plan on a worker, unless an earlier call has left it."""
+    if planned.exists():
+        return
+    for _, what in _results(client, {0: command}, retries):
+        if what:
+            raise Error(f"the plan: {what}", "program", str(planned))
+
+
+def _take_folder(place: Path, build_of: dict[str, Any]) -> None:
     """Makes the folder of the shards, or takes one that holds shards of the same build."""
-    told = place / "plan.json"
+    told = place / "build.json"
     if told.exists():
-        if json.loads(told.read_text()) != plan:
+        if json.loads(told.read_text()) != build_of:
             what = f"{place}: holds shards of other inputs or settings; give another folder, or remove it"
             raise Error(what, "setting", str(place))
         return
     place.mkdir(parents=True, exist_ok=True)
-    told.write_text(json.dumps(plan))
+    told.write_text(json.dumps(build_of))

@@ -1,0 +1,194 @@
+//! Shards without reading the input once for each: one machine makes a plan, the others build from that.
+
+use super::clock::Clock;
+use super::cost::weigh_soup;
+use super::jobs::{job_level, sort_cubes};
+use super::orient;
+use super::pipeline::{BuildOptions, MeasuredSoup, measure_soup, require_area};
+use super::plan_file::{self, PlanDirectory, PlanFile, write_plan};
+use super::rebuild::without_wrong_device;
+use super::resources::SpillResources;
+use super::rules::Rules;
+use super::snap::snap;
+use super::sorted::SortedPieces;
+use super::soup::Soup;
+use super::summary::BuildSummary;
+use super::task::{Task, meta_of, way_to_turn};
+use crate::error::{Error, Result};
+use crate::ingest::{Facets, Input};
+use crate::lattice::NodeKey;
+use crate::pieces::FlippedSource;
+use crate::progress::Progress;
+use crate::store::{Meta, Share, ShareId, ShareNumbers, check_target};
+use crate::volumes::facet_volumes;
+use crate::winding::CornerGrid;
+use serde::Serialize;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What making a plan has found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlanSummary {
+    /// Facets read.
+    pub facets: u64,
+    /// Facets without area on the lattice.
+    pub degenerate_facets: u64,
+    /// Deepest level of the tree.
+    pub depth: u8,
+    /// Cell edge at the deepest level, in the input's unit.
+    pub cell: f64,
+    /// Cubes that have work, of which shards get runs.
+    pub cubes: u64,
+    /// Size of the plan.
+    pub file_bytes: u64,
+    /// Bytes written to the temporary file; 0 if the triangles fitted in memory.
+    pub temporary_bytes: u64,
+    /// Seconds by phase, in order.
+    pub phases: Vec<(&'static str, f64)>,
+}
+
+/// Whether a file is a plan, by its first bytes.
+pub fn is_plan(path: &Path) -> bool {
+    plan_file::is_plan(path)
+}
+
+/// Makes a plan of closed meshes: reads them once, and writes what all shards of their store need. The plan itself may have other bytes
+/// each time; the shards that are built from it do not.
+///
+/// # Errors
+/// As [`super::build_opened`]; and if the surface is open, since then every sample depends on all facets.
+pub fn plan(
+    opened: &[Input],
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<PlanSummary> {
+    let mut clock = Clock::default();
+    check_target(output)?;
+    let MeasuredSoup { bounds, root, depth, sources } = measure_soup(opened, options.resolution, progress)?;
+    let mut meta = meta_of(sources, bounds, (root, depth), options)?;
+    let rules = Rules::of(&meta)?;
+    require_following(&rules)?;
+    let room = SpillResources::new(&options.resources, output)?;
+    clock.lap("measure");
+    let given: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
+    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
+    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
+    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
+    clock.lap_if(turned.is_some(), "orient");
+    let level = job_level(&rules);
+    let cost = weigh_soup(&soups, root, (level, rules.depth), progress)?;
+    clock.lap("weigh");
+    let facets: u64 = opened.iter().map(Input::facets).sum();
+    progress.phase("snapping", Some(facets), "facets");
+    let cubes = sort_cubes(&rules);
+    let soup = snap(&soups, root, (cubes, rules.sieved()), &room, progress)?;
+    opened.iter().try_for_each(Input::check)?;
+    require_area(&soup, opened)?;
+    require_closed(soup.balance.is_closed())?;
+    clock.lap("snap");
+    meta.volumes = facet_volumes(&soups, bounds, room.memory() / 8, progress)?;
+    clock.lap("volumes");
+    meta.numbers.facets = facets;
+    meta.numbers.degenerate_facets = soup.degenerate;
+    let found = ShareNumbers { pieces: cost.sum, ..ShareNumbers::default() };
+    let one = ShareId { number: 1, of: 1 };
+    meta.share = Some(Share { id: one, level, gwn_error: options.gwn_error, found });
+    let way = ("way to turn pieces".to_owned(), way_to_turn(options));
+    let settings = std::iter::once(way).chain(options.keeping.settings.clone()).collect();
+    let jumps = soup.sorted.corners.iter().flat_map(CornerGrid::jumps).collect();
+    let directory = PlanDirectory { meta, settings, work: cost.of_cubes(), jumps };
+    let file_bytes = write_plan(output, &directory, (&soup.sorted, cubes.cells()), progress)?;
+    clock.lap("write");
+    Ok(PlanSummary {
+        facets,
+        degenerate_facets: soup.degenerate,
+        depth: directory.meta.depth,
+        cell: root.spacing(directory.meta.depth),
+        cubes: directory.work.iter().filter(|&&work| work > 0).count() as u64,
+        file_bytes,
+        temporary_bytes: room.file().bytes(),
+        phases: clock.laps,
+    })
+}
+
+fn require_following(rules: &Rules) -> Result<()> {
+    if rules.refines_all_touched() {
+        return Ok(());
+    }
+    let what =
+        "nodes decide whether they are divided, so every shard holds all facets, and a plan saves nothing";
+    Err(Error::setting(what, "build the shards from the input itself"))
+}
+
+fn require_closed(is_closed: bool) -> Result<()> {
+    if is_closed {
+        return Ok(());
+    }
+    let what = "the surface is open, so every sample depends on all facets, and a plan saves nothing";
+    Err(Error::setting(what, "build the shards from the input itself, or close the surface"))
+}
+
+/// Builds the shard of a plan that `options.share` names, on the threads of the current rayon pool. Of the other options only resources, what
+/// is kept of an interrupted build, and the program count; all else is the plan's.
+///
+/// The shard is joined with the others of its plan by [`super::merge`], to the bytes of one build.
+///
+/// # Errors
+/// A plan that is damaged or was made by another version of the program, no share, an output that cannot be written.
+pub fn build_planned(
+    plan: &Path,
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<BuildSummary> {
+    without_wrong_device(options, |options| build_shard(plan, output, options, progress))
+}
+
+fn build_shard(
+    path: &Path,
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<BuildSummary> {
+    let mut clock = Clock::default();
+    check_target(output)?;
+    let plan = Arc::new(PlanFile::open(path)?);
+    let PlanDirectory { meta, settings, work, jumps } = &plan.directory;
+    if meta.program != options.program {
+        let what = format!("it was made by {}, and this is {}", meta.program, options.program);
+        return Err(Error::input(path, "plan", what, "make the plan again"));
+    }
+    let Some(id) = options.share else {
+        return Err(Error::setting("a plan is built in shards", "say which with `share`"));
+    };
+    let damaged = |what: &str| Error::input(path, "directory", what, "make the plan again");
+    let planned = meta.share.as_ref().ok_or_else(|| damaged("no cubes are shared out"))?;
+    let is_first = id.number == 1;
+    let volumes = meta.volumes.clone().filter(|_| is_first);
+    let mut settings = settings.clone();
+    let way = if settings.is_empty() { String::new() } else { settings.remove(0).1 };
+    let mut keeping = options.keeping.clone();
+    keeping.settings = settings;
+    let whole = Meta { share: None, volumes: None, ..meta.clone() };
+    let options = BuildOptions { keeping, ..options.clone() };
+    let mut task = Task::begin_as(whole, (planned.gwn_error, way), output, &options)?;
+    task.meta.volumes = volumes;
+    require_following(&task.rules)?;
+    let cubes = sort_cubes(&task.rules);
+    if work.len() != 1 << (3 * u32::from(job_level(&task.rules))) {
+        return Err(damaged("it has other cubes than the tree"));
+    }
+    task.cut_by(work, 0, planned.found.pieces);
+    let kept = task.cubes().kept();
+    let corners = CornerGrid::from_jumps(NodeKey::ROOT, cubes.stride(), jumps);
+    let corners = corners.ok_or_else(|| damaged("it has other corners than the tree"))?;
+    let triangles = plan.triangles(kept, task.room.file());
+    let sorted = SortedPieces::kept_elsewhere(corners, Box::new(triangles));
+    clock.lap("open plan");
+    let device = options.resources.device.clone();
+    task.build(&Soup { device, open: None }, sorted, progress)?;
+    plan.check()?;
+    clock.lap("build");
+    task.finish(clock, progress)
+}
