@@ -34,8 +34,8 @@ mod refine;
 mod resources;
 #[path = "exactness/scene.rs"]
 mod scene;
-#[path = "exactness/shares.rs"]
-mod shares;
+#[path = "exactness/shards.rs"]
+mod shards;
 #[path = "exactness/thin.rs"]
 mod thin;
 #[path = "exactness/tree.rs"]

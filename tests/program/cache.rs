@@ -266,9 +266,9 @@ fn a_build_compresses_as_repack_does() {
             assert_eq!(same, way == "lz4", "{name}, {way}");
         }
     }
-    let share: [&dyn AsRef<OsStr>; 6] =
+    let shard: [&dyn AsRef<OsStr>; 6] =
         [&"build", &"x.stl", &"-o", &"x.brf", &"--shard=1/2", &"--compression=range"];
-    assert!(run(&share).misused().contains("`cache repack` when they are joined"));
+    assert!(run(&shard).misused().contains("`cache repack` when they are joined"));
 }
 
 #[test]
@@ -303,17 +303,17 @@ fn diff_tells_by_its_status() {
 }
 
 #[test]
-fn shares_are_written_anew_but_not_cut() {
+fn shards_are_written_anew_but_not_cut() {
     let dir = Scratch::new();
-    let share = built(&dir, "share.brf", &[&stl("clover_beads"), &"--depth", &"3", &"--shard", &"2/3"]);
-    let (copy, bytes) = (dir.path("copy.brf"), fs::read(&share).unwrap());
-    run(&[&"cache", &"compact", &share, &"-o", &copy, &"--quiet"]).ok();
+    let shard = built(&dir, "shard.brf", &[&stl("clover_beads"), &"--depth", &"3", &"--shard", &"2/3"]);
+    let (copy, bytes) = (dir.path("copy.brf"), fs::read(&shard).unwrap());
+    run(&[&"cache", &"compact", &shard, &"-o", &copy, &"--quiet"]).ok();
     assert!(fs::read(&copy).unwrap() == bytes);
-    run(&[&"cache", &"diff", &share, &copy]).ok();
-    assert!(!run(&[&"cache", &"ls", &share]).ok().is_empty());
-    let told = run(&[&"cache", &"prune", &share, &"-o", &dir.path("x.brf"), &"--level", &"1"]).failed();
-    assert!(told.contains("share 2 of 3") && told.contains("cache merge"), "{told}");
-    assert_eq!(dir.names(), ["copy.brf", "share.brf"]);
+    run(&[&"cache", &"diff", &shard, &copy]).ok();
+    assert!(!run(&[&"cache", &"ls", &shard]).ok().is_empty());
+    let told = run(&[&"cache", &"prune", &shard, &"-o", &dir.path("x.brf"), &"--level", &"1"]).failed();
+    assert!(told.contains("shard 2 of 3") && told.contains("cache merge"), "{told}");
+    assert_eq!(dir.names(), ["copy.brf", "shard.brf"]);
 }
 
 #[test]

@@ -152,7 +152,7 @@ fn a_build_is_resumed_only_by_its_like() {
         (vec!["--depth", "3"], "its depth is 6, that of this build is 3"),
         (vec!["--depth", "6", "--stddev", "0.1"], "its standard deviation is 0, that of this build is 0.1"),
         (vec!["--depth", "6", "--tolerance", "0.1mm"], "its tolerance is none, that of this build is 0.1"),
-        (vec!["--depth", "6", "--shard", "1/2"], "its number of shares is 1, that of this build is 2"),
+        (vec!["--depth", "6", "--shard", "1/2"], "its number of shards is 1, that of this build is 2"),
         (
             vec!["--depth", "6", "--gwn-error", "0.01"],
             "its error of samples is 0.001, that of this build is 0.01",
@@ -167,8 +167,8 @@ fn a_build_is_resumed_only_by_its_like() {
         assert!(line.contains("o.brf.part: unfinished store") && line.contains(named), "{line}");
         assert!(line.contains("--restart"), "{line}");
     }
-    let share = ["--depth", "6", "--shard", "1/2", "--compression", "range"];
-    Run::from(build(&stl("clover_beads"), &share, &output).output().unwrap()).misused();
+    let shard = ["--depth", "6", "--shard", "1/2", "--compression", "range"];
+    Run::from(build(&stl("clover_beads"), &shard, &output).output().unwrap()).misused();
     let line = Run::from(build(&stl("clover_model"), &settings, &output).output().unwrap()).failed();
     assert!(line.contains("its input 1 was") && line.contains("clover_model.stl"), "{line}");
     assert!(line.matches(" bytes").count() == 2 && !line.contains("BLAKE3"), "{line}");

@@ -74,17 +74,17 @@ fn meshes_do_not_depend_on_what_is_counted() {
 }
 
 #[test]
-fn shares_agree_on_passes() {
+fn shards_agree_on_passes() {
     let dir = Scratch::new();
     let (input, whole) = (of_passes("concentric.gcode"), dir.path("whole.brf"));
     build(&input, &whole, &["--identity"]);
     assert_eq!(info(&whole)["beads"]["passes"], 8);
-    let share = |number: &str, count: &str| {
-        let path = dir.path(&format!("share-{number}-{count}.brf"));
+    let shard = |number: &str, count: &str| {
+        let path = dir.path(&format!("shard-{number}-{count}.brf"));
         build(&input, &path, &["--identity", "--count", count, "--shard", &format!("{number}/2")]);
         path
     };
-    let (one, two, other) = (share("1", "passes"), share("2", "passes"), share("2", "beads"));
+    let (one, two, other) = (shard("1", "passes"), shard("2", "passes"), shard("2", "beads"));
     let joined = dir.path("joined.brf");
     run(&[&"cache", &"merge", &"-q", &"-o", &joined, &two, &one]).ok();
     assert!(fs::read(&joined).unwrap() == fs::read(&whole).unwrap());

@@ -17,11 +17,11 @@ fn build(input: &[&str], args: &[&str], output: &Path) -> Run {
     command.output().expect("it runs").into()
 }
 
-/// All `of` shares, each with another number of threads.
+/// All `of` shards, each with another number of threads.
 #[track_caller]
-fn shares(dir: &Scratch, input: &[&str], args: &[&str], of: usize) -> Vec<PathBuf> {
-    let share = |number: usize| {
-        let path = dir.path(&format!("share-{number}-of-{of}.brf"));
+fn shards(dir: &Scratch, input: &[&str], args: &[&str], of: usize) -> Vec<PathBuf> {
+    let shard = |number: usize| {
+        let path = dir.path(&format!("shard-{number}-of-{of}.brf"));
         let shard = format!("{number}/{of}");
         let threads = (number % 3 + 1).to_string();
         let args = [args, &["--shard", &shard, "--threads", &threads]].concat();
@@ -29,19 +29,19 @@ fn shares(dir: &Scratch, input: &[&str], args: &[&str], of: usize) -> Vec<PathBu
         assert_eq!(run.status, Some(0), "{}", run.stderr);
         path
     };
-    (1..=of).map(share).collect()
+    (1..=of).map(shard).collect()
 }
 
-fn merge(shares: &[PathBuf], output: &Path) -> Run {
+fn merge(shards: &[PathBuf], output: &Path) -> Run {
     let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"cache", &"merge", &"-o", &output, &"--quiet"];
-    args.extend(shares.iter().map(|path| path as &dyn AsRef<OsStr>));
+    args.extend(shards.iter().map(|path| path as &dyn AsRef<OsStr>));
     run(&args)
 }
 
 /// Another order.
-fn shuffled(shares: &[PathBuf]) -> Vec<PathBuf> {
-    let step = (1..).map(|n| n * 7 + 3).find(|step| shares.len() == 1 || gcd(*step, shares.len()) == 1);
-    (0..shares.len()).map(|n| shares[(n * step.unwrap_or(1) + 1) % shares.len()].clone()).collect()
+fn shuffled(shards: &[PathBuf]) -> Vec<PathBuf> {
+    let step = (1..).map(|n| n * 7 + 3).find(|step| shards.len() == 1 || gcd(*step, shards.len()) == 1);
+    (0..shards.len()).map(|n| shards[(n * step.unwrap_or(1) + 1) % shards.len()].clone()).collect()
 }
 
 fn gcd(a: usize, b: usize) -> usize {
@@ -56,13 +56,13 @@ fn joined_is_whole(input: &[&str], args: &[&str], numbers: &[usize]) {
     let whole = fs::read(whole).unwrap();
     // Every second number in any case, the largest first.
     for &of in numbers.iter().rev().step_by(part_or_all(2, 1)) {
-        let shares = shares(&dir, input, args, of);
-        for order in [shares.clone(), shuffled(&shares)] {
+        let shards = shards(&dir, input, args, of);
+        for order in [shards.clone(), shuffled(&shards)] {
             let joined = dir.path("joined.brf");
             merge(&order, &joined).ok();
-            assert!(fs::read(joined).unwrap() == whole, "{input:?} {args:?}, {of} shares");
+            assert!(fs::read(joined).unwrap() == whole, "{input:?} {args:?}, {of} shards");
         }
-        shares.iter().for_each(|share| fs::remove_file(share).unwrap());
+        shards.iter().for_each(|shard| fs::remove_file(shard).unwrap());
     }
     assert_eq!(dir.names(), ["joined.brf", "whole.brf"]);
 }
@@ -75,7 +75,7 @@ fn closed_meshes_are_joined_to_the_bytes_of_one_build() {
 }
 
 #[test]
-fn a_hundred_shares_of_anything_are_joined() {
+fn a_hundred_shards_of_anything_are_joined() {
     joined_is_whole(&[&example("stl/clover_model.stl")], &["--depth", part_or_all("2", "3")], &[100]);
     joined_is_whole(&[&example("stl/overlap_boxes.stl")], &["--depth", "0"], &[1, 100, 2]);
 }
@@ -100,7 +100,7 @@ fn toolpaths_are_joined_to_the_bytes_of_one_build() {
     joined_is_whole(&[&part], &["--depth", "3", "--beads", "mesh"], &[3]);
 }
 
-/// Beads that fill cubes of several shares: what a leaf is shows only when these are joined.
+/// Beads that fill cubes of several shards: what a leaf is shows only when these are joined.
 #[test]
 fn beads_larger_than_cubes_are_joined_to_the_bytes_of_one_build() {
     let dir = Scratch::new();
@@ -153,17 +153,17 @@ fn planned_is_whole(input: &[&str], args: &[&str], numbers: &[usize]) {
     assert_eq!(build(input, args, &whole).status, Some(0), "{input:?} {args:?}");
     let plan = plan(&dir, input, args);
     for &of in numbers {
-        let shares = shares(&dir, &[plan.to_str().unwrap()], &[], of);
+        let shards = shards(&dir, &[plan.to_str().unwrap()], &[], of);
         let joined = dir.path("joined.brf");
-        merge(&shuffled(&shares), &joined).ok();
-        assert!(fs::read(joined).unwrap() == fs::read(&whole).unwrap(), "{input:?} {args:?}, {of} shares");
-        shares.iter().for_each(|share| fs::remove_file(share).unwrap());
+        merge(&shuffled(&shards), &joined).ok();
+        assert!(fs::read(joined).unwrap() == fs::read(&whole).unwrap(), "{input:?} {args:?}, {of} shards");
+        shards.iter().for_each(|shard| fs::remove_file(shard).unwrap());
     }
     assert_eq!(dir.names(), ["joined.brf", "part.plan", "whole.brf"]);
 }
 
 #[test]
-fn shares_of_a_plan_are_joined_to_the_bytes_of_one_build() {
+fn shards_of_a_plan_are_joined_to_the_bytes_of_one_build() {
     let beads = example("stl/clover_beads.stl");
     planned_is_whole(&[&beads], &["--depth", "3"], &[1, 7]);
     planned_is_whole(&[&beads], &["--depth", "4", "--memory", "90MiB"], &[3]);
@@ -188,17 +188,17 @@ fn a_plan_needs_its_input_no_more() {
     assert_eq!((&told["depth"], &told["degenerate_facets"]), (&3.into(), &0.into()));
     assert_eq!(told["file_bytes"], fs::metadata(dir.path("part.plan")).unwrap().len());
     fs::remove_file(input).unwrap();
-    let shares = shares(&dir, &[dir.path("part.plan").to_str().unwrap()], &[], 3);
-    merge(&shares, &dir.path("joined.brf")).ok();
+    let shards = shards(&dir, &[dir.path("part.plan").to_str().unwrap()], &[], 3);
+    merge(&shards, &dir.path("joined.brf")).ok();
     assert!(fs::read(dir.path("joined.brf")).unwrap() == fs::read(whole).unwrap());
 }
 
 #[test]
-fn the_first_share_measures_the_volumes_for_all() {
+fn the_first_shard_measures_the_volumes_for_all() {
     let dir = Scratch::new();
-    let shares = shares(&dir, &[&example("stl/clover_model.stl")], &["--depth", "3"], 3);
+    let shards = shards(&dir, &[&example("stl/clover_model.stl")], &["--depth", "3"], 3);
     let has_volumes = |path: &PathBuf| !run(&[&"info", path, &"--json"]).json()["source_volumes"].is_null();
-    assert_eq!(shares.iter().map(has_volumes).collect::<Vec<_>>(), [true, false, false]);
+    assert_eq!(shards.iter().map(has_volumes).collect::<Vec<_>>(), [true, false, false]);
 }
 
 #[test]
@@ -218,17 +218,21 @@ fn plans_that_cannot_be_made_or_read_are_refused() {
     assert!(dir.names().is_empty(), "{:?}", dir.names());
     let plan = plan(&dir, &[&boxes], &["--depth", "3"]);
     let plan_path = plan.to_str().unwrap();
-    let share = dir.path("share.brf");
+    let shard = dir.path("shard.brf");
     let sound = fs::read(&plan).unwrap();
     for (args, expected) in [
         (&[][..], "--shard 1/8"),
         (&["--shard", "1/2", "--depth", "3"], "--depth: the plan has settled it"),
         (&["--shard", "1/2", "--unit", "in"], "--unit: the plan has settled it"),
     ] {
-        let told = build(&[plan_path], args, &share).stderr;
+        let told = build(&[plan_path], args, &shard).stderr;
         assert!(told.contains(expected), "{told}");
     }
-    let told = build(&[plan_path, &boxes], &["--shard", "1/2"], &share).stderr;
+    for other in [run(&[&"info", &plan]), run(&[&"mesh", &plan, &"-o", &dir.path("x.stl")])] {
+        let line = other.failed();
+        assert!(line.contains("is a plan") && line.contains("--shard 1/8"), "{line}");
+    }
+    let told = build(&[plan_path, &boxes], &["--shard", "1/2"], &shard).stderr;
     assert!(told.contains("a plan is built alone"), "{told}");
     // Triangles, the directory, the foot; cut short, and longer.
     let damage = |at: usize| {
@@ -242,20 +246,20 @@ fn plans_that_cannot_be_made_or_read_are_refused() {
     let all = [10, length - 1000, length - 40, length - 30, length - 14, length - 2].map(damage);
     for bytes in all.into_iter().chain(short).chain([long]) {
         fs::write(&plan, bytes).unwrap();
-        let told = build(&[plan_path], &["--shard", "1/1"], &share).failed();
+        let told = build(&[plan_path], &["--shard", "1/1"], &shard).failed();
         assert!(told.contains("part.plan") && told.contains("make the plan again"), "{told}");
-        assert!(!share.exists());
+        assert!(!shard.exists());
     }
 }
 
 #[test]
-fn a_bound_on_memory_does_not_show_in_a_share() {
+fn a_bound_on_memory_does_not_show_in_a_shard() {
     let dir = Scratch::new();
     let beads = example("stl/clover_beads.stl");
     let [free, bound] =
         [&["--depth", "4", "--shard", "2/3"][..], &["--depth", "4", "--shard", "2/3", "--memory", "90MiB"]]
             .map(|args| {
-                let path = dir.path("share.brf");
+                let path = dir.path("shard.brf");
                 assert_eq!(build(&[&beads], args, &path).status, Some(0));
                 fs::read(path).unwrap()
             });
@@ -263,17 +267,17 @@ fn a_bound_on_memory_does_not_show_in_a_share() {
 }
 
 #[test]
-fn shares_that_do_not_belong_together_are_refused() {
+fn shards_that_do_not_belong_together_are_refused() {
     let dir = Scratch::new();
     let (boxes, cavity) = (example("stl/overlap_boxes.stl"), example("stl/box_with_cavity.stl"));
-    let three = shares(&dir, &[&boxes], &["--depth", "3"], 3);
+    let three = shards(&dir, &[&boxes], &["--depth", "3"], 3);
     let other = dir.path("other.brf");
     let refused = |input: &str, args: &[&str], expected: &str| {
         assert_eq!(build(&[input], &[args, &["--shard", "2/3"]].concat(), &other).status, Some(0));
         let line =
             merge(&[three[0].clone(), other.clone(), three[2].clone()], &dir.path("joined.brf")).failed();
         assert!(
-            line.contains(expected) && line.contains("other.brf") && line.contains("share-1-of-3"),
+            line.contains(expected) && line.contains("other.brf") && line.contains("shard-1-of-3"),
             "{line}"
         );
     };
@@ -286,16 +290,16 @@ fn shares_that_do_not_belong_together_are_refused() {
     refused(copy.to_str().unwrap(), &["--depth", "3"], "path of input 1");
     assert_eq!(build(&[&boxes], &["--depth", "3", "--shard", "2/4"], &other).status, Some(0));
     let line = merge(&[three[0].clone(), other.clone()], &dir.path("joined.brf")).failed();
-    assert!(line.contains("number of shares is 4"), "{line}");
+    assert!(line.contains("number of shards is 4"), "{line}");
     assert!(!dir.names().iter().any(|name| name.starts_with("joined")), "{:?}", dir.names());
 }
 
 /// Settings of toolpaths leave no trace in the metadata but what they do.
 #[test]
-fn shares_of_other_beads_are_refused() {
+fn shards_of_other_beads_are_refused() {
     let dir = Scratch::new();
     let part = example("clover.gcode");
-    let two = shares(&dir, &[&part], &["--depth", "3"], 2);
+    let two = shards(&dir, &[&part], &["--depth", "3"], 2);
     // A little less wide: the box, the number of segments and all else are the same but for the sections.
     for args in [&["--filament", "1.74"][..], &["--skip", "External perimeter"]] {
         let other = dir.path("other.brf");
@@ -308,25 +312,25 @@ fn shares_of_other_beads_are_refused() {
 }
 
 #[test]
-fn shares_that_are_missing_repeated_damaged_or_none_are_refused() {
+fn shards_that_are_missing_repeated_damaged_or_none_are_refused() {
     let dir = Scratch::new();
     let boxes = example("stl/overlap_boxes.stl");
-    let all = shares(&dir, &[&boxes], &["--depth", "3"], 7);
+    let all = shards(&dir, &[&boxes], &["--depth", "3"], 7);
     let joined = dir.path("joined.brf");
     let some = |numbers: &[usize]| numbers.iter().map(|n| all[n - 1].clone()).collect::<Vec<_>>();
     let line = merge(&some(&[4, 1, 6]), &joined).failed();
-    assert!(line.contains("of 7 shares 2, 3, 5 and 7 are missing"), "{line}");
+    assert!(line.contains("of 7 shards 2, 3, 5 and 7 are missing"), "{line}");
     let line = merge(&some(&[1, 2, 3, 4, 5, 6]), &joined).failed();
-    assert!(line.contains("of 7 shares 7 is missing"), "{line}");
+    assert!(line.contains("of 7 shards 7 is missing"), "{line}");
     let again = dir.file("again.brf", fs::read(&all[2]).unwrap());
     let line = merge(&[all.clone(), vec![again]].concat(), &joined).failed();
-    assert!(line.contains("again.brf") && line.contains("share-3-of-7.brf is the same share"), "{line}");
+    assert!(line.contains("again.brf") && line.contains("shard-3-of-7.brf is the same shard"), "{line}");
     let whole = dir.store("overlap_boxes", 3);
     let line = merge(&[all.clone(), vec![whole.clone()]].concat(), &joined).failed();
-    assert!(line.contains("overlap_boxes-3.brf") && line.contains("whole store, not a share"), "{line}");
+    assert!(line.contains("overlap_boxes-3.brf") && line.contains("whole store, not a shard"), "{line}");
     let line = merge(&[all.clone(), vec![dir.path("none.brf")]].concat(), &joined).failed();
     assert!(line.contains("none.brf"), "{line}");
-    // An output that is one of the shares.
+    // An output that is one of the shards.
     let line = merge(&all, &all[3]).failed();
     assert!(line.contains("would overwrite"), "{line}");
     let victim = all.iter().max_by_key(|path| fs::metadata(path).unwrap().len()).unwrap();
@@ -347,72 +351,72 @@ fn shares_that_are_missing_repeated_damaged_or_none_are_refused() {
 }
 
 #[test]
-fn other_commands_say_what_a_share_is() {
+fn other_commands_say_what_a_shard_is() {
     let dir = Scratch::new();
-    let share = shares(&dir, &[&example("stl/clover_model.stl")], &["--depth", "3"], 3).remove(1);
+    let shard = shards(&dir, &[&example("stl/clover_model.stl")], &["--depth", "3"], 3).remove(1);
     let points = dir.file("p.csv", "1,2,3\n");
     for run in [
-        run(&[&"mesh", &share, &"-o", &dir.path("x.stl")]),
-        run(&[&"sample", &share, &"--points", &points]),
-        run(&[&"export", &share, &"--level", &"1", &"-o", &dir.path("x.npy")]),
-        run(&[&"info", &share, &"--volume"]),
+        run(&[&"mesh", &shard, &"-o", &dir.path("x.stl")]),
+        run(&[&"sample", &shard, &"--points", &points]),
+        run(&[&"export", &shard, &"--level", &"1", &"-o", &dir.path("x.npy")]),
+        run(&[&"info", &shard, &"--volume"]),
     ] {
         let line = run.failed();
-        assert!(line.contains("share 2 of 3") && line.contains("cache merge"), "{line}");
+        assert!(line.contains("shard 2 of 3") && line.contains("cache merge"), "{line}");
     }
-    assert!(run(&[&"info", &share]).ok().contains("share    2 of 3"));
-    assert!(run(&[&"verify", &share]).ok().contains("sound, share 2 of 3"));
+    assert!(run(&[&"info", &shard]).ok().contains("shard    2 of 3"));
+    assert!(run(&[&"verify", &shard]).ok().contains("sound, shard 2 of 3"));
     assert_eq!(
-        run(&[&"verify", &share, &"--json"]).json()["share"],
+        run(&[&"verify", &shard, &"--json"]).json()["shard"],
         serde_json::json!({ "number": 2, "of": 3 })
     );
     assert!(!dir.names().iter().any(|name| name.starts_with('x')));
 }
 
 #[test]
-fn shares_have_like_work_and_all_cubes_once() {
+fn shards_have_like_work_and_all_cubes_once() {
     let dir = Scratch::new();
-    let (beads, path) = (example("stl/clover_beads.stl"), dir.path("share.brf"));
+    let (beads, path) = (example("stl/clover_beads.stl"), dir.path("shard.brf"));
     let (mut next, mut leaves, mut work) = (0, 0, 0.0);
     for number in 1..=4 {
-        let shard = format!("{number}/4");
+        let id = format!("{number}/4");
         let built =
-            run(&[&"build", &beads, &"-o", &path, &"--depth", &"4", &"--shard", &shard, &"--json"]).json();
-        let share = &built["share"];
-        assert_eq!((&share["number"], &share["of"], &share["level"]), (&number.into(), &4.into(), &3.into()));
-        let its = share["work"].as_f64().unwrap();
-        assert!((0.2..0.3).contains(&its), "{share}");
+            run(&[&"build", &beads, &"-o", &path, &"--depth", &"4", &"--shard", &id, &"--json"]).json();
+        let shard = &built["shard"];
+        assert_eq!((&shard["number"], &shard["of"], &shard["level"]), (&number.into(), &4.into(), &3.into()));
+        let its = shard["work"].as_f64().unwrap();
+        assert!((0.2..0.3).contains(&its), "{shard}");
         work += its;
         leaves += built["leaves"].as_u64().unwrap();
         let info = run(&[&"info", &path, &"--json"]).json();
-        let cubes = &info["share"]["cubes"];
+        let cubes = &info["shard"]["cubes"];
         assert_eq!(cubes[0], next);
         next = cubes[1].as_u64().unwrap();
-        assert_eq!(next - cubes[0].as_u64().unwrap(), share["cubes"]);
+        assert_eq!(next - cubes[0].as_u64().unwrap(), shard["cubes"]);
         if part_or_all(number == 3, true) {
-            let text = run(&[&"build", &beads, &"-o", &path, &"--depth", &"4", &"--shard", &shard]).ok();
-            assert!(text.contains(&format!("share    {number} of 4: ")), "{text}");
+            let text = run(&[&"build", &beads, &"-o", &path, &"--depth", &"4", &"--shard", &id]).ok();
+            assert!(text.contains(&format!("shard    {number} of 4: ")), "{text}");
         }
     }
     assert_eq!(next, 512);
     assert!((work - 1.0).abs() < 1e-9);
     let whole = run(&[&"info", &dir.store("clover_beads", 4), &"--json"]).json();
-    assert!(whole["share"].is_null());
-    // Uniform leaves above the cubes are not in any share.
+    assert!(whole["shard"].is_null());
+    // Uniform leaves above the cubes are not in any shard.
     assert!(leaves > 0 && leaves <= whole["store"]["total"]["leaves"].as_u64().unwrap());
 }
 
 #[test]
-fn an_empty_share_is_a_share() {
+fn an_empty_shard_is_a_shard() {
     let dir = Scratch::new();
-    let share = dir.path("share.brf");
+    let shard = dir.path("shard.brf");
     let boxes = example("stl/overlap_boxes.stl");
     let built =
-        run(&[&"build", &boxes, &"-o", &share, &"--depth", &"0", &"--shard", &"9/9", &"--json"]).json();
-    assert_eq!((&built["nodes"], &built["share"]["cubes"]), (&0.into(), &0.into()));
+        run(&[&"build", &boxes, &"-o", &shard, &"--depth", &"0", &"--shard", &"9/9", &"--json"]).json();
+    assert_eq!((&built["nodes"], &built["shard"]["cubes"]), (&0.into(), &0.into()));
     assert!(built["winding_min"].is_null());
-    assert!(run(&[&"info", &share]).ok().contains("share    9 of 9"));
-    assert!(run(&[&"verify", &share]).ok().contains("0 records"));
+    assert!(run(&[&"info", &shard]).ok().contains("shard    9 of 9"));
+    assert!(run(&[&"verify", &shard]).ok().contains("0 records"));
 }
 
 #[test]
@@ -432,12 +436,12 @@ fn what_makes_no_sense_is_wrong_usage() {
 #[test]
 fn joining_tells_what_it_made() {
     let dir = Scratch::new();
-    let two = shares(&dir, &[&example("stl/overlap_boxes.stl")], &["--depth", "2"], 2);
+    let two = shards(&dir, &[&example("stl/overlap_boxes.stl")], &["--depth", "2"], 2);
     let joined = dir.path("joined.brf");
     let json = run(&[&"cache", &"merge", &two[1], &two[0], &"-o", &joined, &"--json"]).json();
     let info = run(&[&"info", &joined, &"--json"]).json();
-    assert_eq!((&json["shares"], &json["nodes"]), (&2.into(), &info["store"]["total"]["nodes"]));
+    assert_eq!((&json["shards"], &json["nodes"]), (&2.into(), &info["store"]["total"]["nodes"]));
     assert_eq!(json["file_bytes"], fs::metadata(&joined).unwrap().len());
     let text = run(&[&"cache", &"merge", &two[0], &two[1], &"-o", &joined]).ok();
-    assert!(text.contains("joined from 2 shares"), "{text}");
+    assert!(text.contains("joined from 2 shards"), "{text}");
 }

@@ -12,7 +12,7 @@ use crate::pieces::OrientArg;
 use crate::shell_args::{CompletionsArgs, ManArgs};
 use crate::splat_args::SplatsArgs;
 use crate::toolpaths::ToolpathArgs;
-use crate::units::{GwnError, Length, Shard, Size, Tolerance, Unit};
+use crate::units::{GwnError, Length, ShardArg, Size, Tolerance, Unit};
 use crate::view_args::WindowArgs;
 use crate::void_args::VoidsArgs;
 use crate::work::{ProgressArg, WorkArgs};
@@ -196,21 +196,21 @@ pub struct BuildArgs {
     /// Folder of the temporary files, which have no names there and vanish with the program; the output's own by default
     #[arg(long, value_name = "DIR")]
     pub temp_dir: Option<PathBuf>,
-    /// Build share I of N of the store, I from 1, to be joined with the others by `cache merge`
+    /// Build shard I of N of the store, I from 1, to be joined with the others by `cache merge`
     ///
-    /// It is the same store, made on several machines. Each reads the whole input, or what it needs of a plan. Shares have about the
+    /// It is the same store, made on several machines. Each reads the whole input, or what it needs of a plan. Shards have about the
     /// same work, foreseen from the input, and some may be empty.
     #[arg(long, value_name = "I/N", conflicts_with = "mesh")]
-    pub shard: Option<Shard>,
-    /// Write a plan in the place of a store: the triangles by cube, and what all shares have in common
+    pub shard: Option<ShardArg>,
+    /// Write a plan in the place of a store: the triangles by cube, and what all shards have in common
     ///
-    /// Shares that are built from the plan, with the plan as their input, need neither the meshes nor their settings, and read
+    /// Shards that are built from the plan, with the plan as their input, need neither the meshes nor their settings, and read
     /// their own cubes alone. Of closed meshes. The plan takes about half of the space of a binary STL.
     #[arg(long, conflicts_with_all = ["shard", "mesh", "compression"])]
     pub plan: bool,
     /// How the bricks are compressed
     ///
-    /// The store has the bytes that `cache repack` with the same option makes of one with another. Shares take lz4, to be
+    /// The store has the bytes that `cache repack` with the same option makes of one with another. Shards take lz4, to be
     /// repacked when they are joined.
     #[arg(long, value_enum, default_value_t)]
     pub compression: CompressionArg,

@@ -41,7 +41,7 @@ Examples:
   brickfield cache ls part.brf --level 2
   brickfield cache ls part.brf --leaves --box 0,0,0,10,10,2.5")]
 pub struct LsArgs {
-    /// The store, also a share of one or an unfinished one
+    /// The store, also a shard of one or an unfinished one
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
     /// Nodes of this level only
@@ -70,7 +70,7 @@ sample that a leaf owns and that is a corner of such a cell. `plain` are the byt
 Examples:
   brickfield cache stat part.brf")]
 pub struct StatArgs {
-    /// The store, also a share of one or an unfinished one
+    /// The store, also a shard of one or an unfinished one
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
     /// How to read the store
@@ -99,7 +99,7 @@ Examples:
   brickfield cache get part.brf --node 2:1,0,3
   brickfield cache get part.brf --point 12.5,3,0.2 --samples brick.npy --hermite -")]
 pub struct GetArgs {
-    /// The store, also a share of one or an unfinished one
+    /// The store, also a shard of one or an unfinished one
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
     /// The node: level:x,y,z in bricks of that level, as in 2:1,0,3 or L2(1,0,3), or its key, a number
@@ -236,21 +236,21 @@ pub struct RepackArgs {
     pub compression: CompressionArg,
 }
 
-/// Join the shares that several runs of `build --shard` have made
+/// Join the shards that several runs of `build --shard` have made
 #[derive(Args)]
 #[command(after_help = "\
-The store has the same bytes as one that was built without --shard, whatever the order of the shares, the machines they were \
+The store has the same bytes as one that was built without --shard, whatever the order of the shards, the machines they were \
 built on, and the threads and memory these had.
 
-All shares must be given at once. They must be of the same input, named alike, built with the same settings by the same \
-version. Every record is checked before it is copied. The shares stay.
+All shards must be given at once. They must be of the same input, named alike, built with the same settings by the same \
+version. Every record is checked before it is copied. The shards stay.
 
 Example:
   brickfield cache merge part-*.brf -o part.brf")]
 pub struct MergeArgs {
-    /// All shares, in any order
+    /// All shards, in any order
     #[arg(required = true, value_name = "SHARE.brf")]
-    pub shares: Vec<PathBuf>,
+    pub shards: Vec<PathBuf>,
     /// The store to write
     #[arg(long, short, value_name = "PART.brf")]
     pub output: PathBuf,
@@ -278,7 +278,7 @@ differ (what differs on standard output, one line on standard error) or one of t
 Example:
   brickfield cache diff part.brf other.brf --ignore-metadata")]
 pub struct DiffArgs {
-    /// A store, also a share of one or an unfinished one
+    /// A store, also a shard of one or an unfinished one
     #[arg(value_name = "A.brf")]
     pub first: PathBuf,
     /// Another

@@ -111,7 +111,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
         "Threads, memory, devices",
         &["threads", "memory", "temp_dir", "backend", "device", "device_check", "gpu_memory", "devices"],
     ),
-    ("Interruption and shares", &["commit_every", "restart", "shard"]),
+    ("Interruption and shards", &["commit_every", "restart", "shard", "plan"]),
 ];
 
 /// The command line with its help in order.

@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use anyhow::anyhow;
 use brickfield_engine::Error;
 use brickfield_engine::bsp::MAGIC;
+use brickfield_engine::build::is_plan;
 use brickfield_engine::contour::{listed_mesh_endings, written_mesh_endings};
 use brickfield_engine::export::FORMATS;
 use brickfield_engine::ingest::{InputKind, mesh_endings, readable};
@@ -17,6 +18,8 @@ use std::path::{Path, PathBuf};
 pub enum FileKind {
     /// A brick store, finished or not.
     Store,
+    /// A plan, of which shards are built.
+    Plan,
     /// Anything else.
     Input(InputKind),
 }
@@ -27,6 +30,9 @@ impl FileKind {
         if is_store(path) {
             return Some(FileKind::Store);
         }
+        if is_plan(path) {
+            return Some(FileKind::Plan);
+        }
         InputKind::of(path).ok().map(FileKind::Input)
     }
 
@@ -34,6 +40,7 @@ impl FileKind {
     pub fn name(self) -> Option<String> {
         Some(match self {
             FileKind::Store => "a brick store".to_owned(),
+            FileKind::Plan => "a plan".to_owned(),
             FileKind::Input(InputKind::Mesh(format)) => format!("a mesh ({format})"),
             FileKind::Input(InputKind::Cloud(format)) => format!("a point cloud ({format})"),
             FileKind::Input(InputKind::Toolpath) => "a toolpath (G-code)".to_owned(),
@@ -74,6 +81,14 @@ fn build_command(path: &Path) -> String {
     format!("`brickfield build {} -o {}`", typed(path), typed(&path.with_extension("brf")))
 }
 
+/// What to do with a plan.
+fn remedy_of_plan(path: &Path) -> String {
+    format!(
+        "build its shards, as by `brickfield build {} --shard 1/8 -o shard-1.brf`, and join them",
+        typed(path)
+    )
+}
+
 /// The error of a file that was given in place of a store. `error` is what its reader says, which stands if the file may be
 /// a store after all. `otherwise` is what the same command does with such a mesh, if anything.
 pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error {
@@ -91,6 +106,7 @@ pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error 
             let store = typed(&path.with_extension("brf"));
             format!("make one first by {}, and give {store}{check}", build_command(path))
         }
+        FileKind::Plan => remedy_of_plan(path),
         _ => "give a store that `brickfield build` has finished".to_owned(),
     };
     Error::store(path, "header", format!("is {name}, not a brick store"), remedy)
@@ -210,6 +226,7 @@ pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
         FileKind::Input(InputKind::Empty) => {
             ("is empty".to_owned(), "export or copy the file again".to_owned())
         }
+        FileKind::Plan => ("is a plan, which only `build` reads".to_owned(), remedy_of_plan(path)),
         _ => match kind.name() {
             Some(name) => (format!("is {name}, which is not read"), readable()),
             None => ("is of no kind that is known".to_owned(), readable()),

@@ -107,7 +107,7 @@ pub fn left_text(report: &PiecesReport, asked: OrientArg) -> Vec<String> {
 /// What reading the store gives, and if the user interrupts.
 pub fn negative(store: &Store, progress: &dyn Progress) -> Result<Option<(f64, f64)>> {
     let is_negative = winding_range(store).is_some_and(|(lowest, _)| lowest < 0);
-    if !is_negative || store.meta().share.is_some() || store.is_unfinished() || store.meta().holds_points() {
+    if !is_negative || store.meta().shard.is_some() || store.is_unfinished() || store.meta().holds_points() {
         return Ok(None);
     }
     let negative = negative_volume(store, progress)?.filter(|(volume, _)| *volume > 0.0);

@@ -67,7 +67,7 @@ fn require_compatible(args: &BuildArgs, units: Unit) -> Result<(), Failure> {
         return Err(Failure::Usage(what.to_owned()));
     }
     if args.shard.is_some() && args.compression != CompressionArg::Lz4 {
-        let what = "--compression: shares take lz4; give it to `cache repack` when they are joined";
+        let what = "--compression: shards take lz4; give it to `cache repack` when they are joined";
         return Err(Failure::Usage(what.to_owned()));
     }
     Ok(())
@@ -101,7 +101,7 @@ fn build_options(args: &BuildArgs, units: Unit, open: &OpenOptions) -> Result<Bu
         solids: None,
         count: args.count.map(Into::into).unwrap_or_default(),
         orient: args.orient.map(Into::into),
-        share: args.shard.map(|shard| shard.0),
+        shard: args.shard.map(|shard| shard.0),
         compression: args.compression.into(),
         resources: Resources { temp_dir: args.temp_dir.clone(), ..Resources::default() },
         keeping: CommitOptions { pace, restart: args.restart, settings: args.toolpath.settings(open) },
@@ -270,7 +270,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     tell(&request, &report)
 }
 
-/// Builds a share from a plan.
+/// Builds a shard from a plan.
 fn build_shard(mut request: BuildRequest, plan: &Path) -> Result<(), Failure> {
     let started = Instant::now();
     require_store_name(&request.output, true)?;

@@ -19,7 +19,7 @@ const ENDING: &str = "plan";
 /// The plan among the inputs, if there is one.
 ///
 /// # Errors
-/// If there are other inputs beside it, no share is asked for, or a setting is given that the plan holds.
+/// If there are other inputs beside it, no shard is asked for, or a setting is given that the plan holds.
 pub(super) fn plan_of(args: &BuildArgs) -> Result<Option<&Path>, Failure> {
     let Some(plan) = args.inputs.iter().find(|path| is_plan(path)) else { return Ok(None) };
     if args.inputs.len() > 1 {
@@ -27,7 +27,7 @@ pub(super) fn plan_of(args: &BuildArgs) -> Result<Option<&Path>, Failure> {
         return Err(Failure::Usage(format!("{}: {what}", in_line(plan))));
     }
     if args.shard.is_none() {
-        let what = "it is a plan, which is built in shares; say which, as by --shard 1/8";
+        let what = "it is a plan, which is built in shards; say which, as by --shard 1/8";
         return Err(Failure::Usage(format!("{}: {what}", in_line(plan))));
     }
     let given = [
@@ -68,7 +68,7 @@ pub(super) fn run(mut request: BuildRequest) -> Result<(), Failure> {
     choose_solids(&mut request, &inputs, false)?;
     if request.options.solids.is_some() {
         let what =
-            "beads as solids are few, and every share reads them; leave it out, or use --beads-as mesh";
+            "beads as solids are few, and every shard reads them; leave it out, or use --beads-as mesh";
         return Err(Failure::Usage(format!("--plan: {what}")));
     }
     let budget = memory::budget(request.memory);

@@ -13,7 +13,7 @@ use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, winding_range};
 use brickfield_engine::backend::DeviceReport;
 use brickfield_engine::brick::{Count, POINTS};
-use brickfield_engine::build::{BuildSummary, ResumedBuild, ShareSummary, ThinSheetsSummary, ThinSummary};
+use brickfield_engine::build::{BuildSummary, ResumedBuild, ShardSummary, ThinSheetsSummary, ThinSummary};
 use brickfield_engine::ingest::CloudInput;
 use brickfield_engine::lattice::MAX_LEVEL;
 use brickfield_engine::store::{BeadsMeta, Store};
@@ -43,7 +43,7 @@ pub(super) struct BuildReport {
     samples_per_second: f64,
     /// Maps of files included.
     peak_memory_bytes: Option<u64>,
-    /// Null for a share without nodes.
+    /// Null for a shard without nodes.
     winding_min: Option<i16>,
     winding_max: Option<i16>,
     warnings: Vec<String>,
@@ -82,8 +82,8 @@ impl BuildReport {
         seconds: f64,
     ) -> BuildReport {
         let winding = winding_range(store);
-        // Whether something lies inside is for all shares to say.
-        let warnings = match winding.filter(|_| summary.share.is_none()) {
+        // Whether something lies inside is for all shards to say.
+        let warnings = match winding.filter(|_| summary.shard.is_none()) {
             Some(range) => warnings(range, plan, &summary),
             None => Vec::new(),
         };
@@ -139,9 +139,9 @@ impl BuildReport {
         let BuildSummary { nodes, leaves, file_bytes, .. } = &self.summary;
         let kept = format!("{nodes} nodes, {leaves} leaves, {}", Size(*file_bytes));
         let mut lines = vec![format!("{}: {kept}", one_line(&self.output))];
-        if let Some(ShareSummary { id, level, cubes, work }) = &self.summary.share {
+        if let Some(ShardSummary { id, level, cubes, work }) = &self.summary.shard {
             let cubes = format!("{cubes} of {} cubes of level {level}", 1u64 << (3 * level));
-            lines.push(format!("  share    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
+            lines.push(format!("  shard    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
         }
         if let Some(ResumedBuild { nodes, part }) = &self.summary.resumed {
             let of = format!("{nodes} nodes of an earlier run, about {:.0}% of the tree", 100.0 * part);

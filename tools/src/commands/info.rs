@@ -35,8 +35,8 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     }
     // No brick is read twice, so none is kept.
     let store = open_store(file, 0, args.io, AcceptedStores::Unfinished)?;
-    if let (Some(share), true) = (&store.meta().share, args.volume) {
-        let what = format!("--volume: this is share {} of a store; join all with `cache merge`", share.id);
+    if let (Some(shard), true) = (&store.meta().shard, args.volume) {
+        let what = format!("--volume: this is shard {} of a store; join all with `cache merge`", shard.id);
         return Err(anyhow::anyhow!("{}: {what}", file.display()).into());
     }
     if store.is_unfinished() && args.volume {
@@ -104,7 +104,7 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         tolerance,
         numbers,
         beads,
-        share,
+        shard,
         ..
     } = store.meta();
     let source = |Source { path, bytes, facets, format, blake3 }: &Source| json!({ "path": path, "bytes": bytes, "facets": facets, "format": format, "blake3": hex(blake3) });
@@ -119,11 +119,11 @@ fn as_json(store: &Store, volumes: Option<Volumes>) -> Value {
         "units": unit,
         "bounds": [bounds_min, bounds_max],
         "root": { "origin": root.origin, "edge": root.edge },
-        "share": share.as_ref().map(|share| json!({
-            "number": share.id.number,
-            "of": share.id.of,
-            "level": share.level,
-            "cubes": [share.found.cells.0, share.found.cells.1],
+        "shard": shard.as_ref().map(|shard| json!({
+            "number": shard.id.number,
+            "of": shard.id.of,
+            "level": shard.level,
+            "cubes": [shard.found.cells.0, shard.found.cells.1],
         })),
         "depth": depth,
         "refine": refine,
@@ -175,10 +175,10 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
     if store.is_unfinished() {
         line("  state    unfinished: the command that builds it goes on from what is here".to_owned());
     }
-    if let Some(share) = &meta.share {
-        let (cubes, all) = (share.cells(), 1u64 << (3 * u32::from(share.level)));
-        let cubes = format!("cubes {} to {} of {all} of level {}", cubes.start, cubes.end, share.level);
-        line(format!("  share    {} of a store, to be joined by `cache merge`: {cubes}", share.id));
+    if let Some(shard) = &meta.shard {
+        let (cubes, all) = (shard.cells(), 1u64 << (3 * u32::from(shard.level)));
+        let cubes = format!("cubes {} to {} of {all} of level {}", cubes.start, cubes.end, shard.level);
+        line(format!("  shard    {} of a store, to be joined by `cache merge`: {cubes}", shard.id));
     }
     pieces_lines(store).into_iter().for_each(&mut line);
     line(format!("  units    {unit}"));

@@ -135,7 +135,7 @@ fn run_coarse(
     // Fractions take what contouring leaves.
     let options = mesh_detail::options_of(args, store, (cache_bytes / 4) as usize)?;
     let memory = cache_bytes - cache_bytes / 4 - brick_bytes;
-    let source = if store.meta().share.is_none() { Some(ExpectedVolume::of(store, bars)?) } else { None };
+    let source = if store.meta().shard.is_none() { Some(ExpectedVolume::of(store, bars)?) } else { None };
     let (made, chosen) =
         mesh_detail::find_chosen(args, store, output, (&options, memory), source.as_ref(), bars)?;
     let options = ContourOptions { tolerance: made.tolerance, ..options };
@@ -440,7 +440,7 @@ impl MeshReport {
         options: &ContourOptions,
         progress: &dyn Progress,
     ) -> Result<(), Failure> {
-        if options.iso != 0.5 || options.level.is_some() || store.meta().share.is_some() {
+        if options.iso != 0.5 || options.level.is_some() || store.meta().shard.is_some() {
             return Ok(());
         }
         let expected = ExpectedVolume::of(store, progress)?;

@@ -17,7 +17,7 @@ pub fn run(args: &SampleArgs) -> Result<(), Failure> {
     let open = |accept| open_store(&args.store, CACHE_BYTES, args.io, accept);
     // An unfinished store has leaves, but neither tables nor lists of beads.
     let store = open(if args.beads { AcceptedStores::Whole } else { AcceptedStores::Unfinished })?;
-    if store.meta().share.is_some() {
+    if store.meta().shard.is_some() {
         // Refused, with what to do about it.
         open(AcceptedStores::Whole)?;
     }

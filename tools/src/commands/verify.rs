@@ -12,7 +12,7 @@ use serde_json::json;
 pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
     let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Unfinished)?;
-    let share = store.meta().share.as_ref().map(|share| share.id);
+    let shard = store.meta().shard.as_ref().map(|shard| shard.id);
     let report = store.verify(&bars)?;
     bars.clear();
     if args.json {
@@ -21,7 +21,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
             "path": args.store.display().to_string(),
             "sound": report.damaged == 0 && report.strays == 0,
             "unfinished": store.is_unfinished(),
-            "share": share,
+            "shard": shard,
             "records": report.records,
             "payload_bytes": report.payload_bytes,
             "damaged": report.damaged,
@@ -35,9 +35,9 @@ pub fn run(args: &VerifyArgs) -> Result<(), Failure> {
     }
     let path = in_line(&args.store);
     let unfinished = if store.is_unfinished() { " so far, unfinished" } else { "" };
-    let share = share.map_or(String::new(), |share| format!(", share {share}"));
+    let shard = shard.map_or(String::new(), |shard| format!(", shard {shard}"));
     print(&format!(
-        "{path}: sound{unfinished}{share}, {records} records with {} of payload",
+        "{path}: sound{unfinished}{shard}, {records} records with {} of payload",
         Size(payload_bytes)
     ))
 }

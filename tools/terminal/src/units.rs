@@ -1,7 +1,7 @@
 //! Lengths, sizes and other values as people type them.
 
 use brickfield_engine::lattice::{MAX_LEVEL, NodeKey};
-use brickfield_engine::store::ShareId;
+use brickfield_engine::store::ShardId;
 use std::fmt;
 use std::str::FromStr;
 
@@ -183,19 +183,19 @@ fn parse_length(text: &str, sign: Sign) -> Result<Length, String> {
     }
 }
 
-/// Which share of how many, as in 2/4.
+/// Which shard of how many, as in 2/4.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shard(pub ShareId);
+pub struct ShardArg(pub ShardId);
 
-impl FromStr for Shard {
+impl FromStr for ShardArg {
     type Err = String;
 
-    fn from_str(text: &str) -> Result<Shard, String> {
+    fn from_str(text: &str) -> Result<ShardArg, String> {
         let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-        let (number, of) = numbers.ok_or("expected a share and the number of shares, as in 2/4")?;
+        let (number, of) = numbers.ok_or("expected a shard and the number of shards, as in 2/4")?;
         let range =
-            || format!("shares are numbered from 1 to their number, which is at most {}", ShareId::MAX);
-        ShareId::new(number, of).map(Shard).ok_or_else(range)
+            || format!("shards are numbered from 1 to their number, which is at most {}", ShardId::MAX);
+        ShardId::new(number, of).map(ShardArg).ok_or_else(range)
     }
 }
 

@@ -58,7 +58,7 @@ pub fn meta_of(
         tolerance: metas().filter_map(|meta| meta.tolerance).reduce(f64::max),
         numbers: BuildCounts::default(),
         beads: None,
-        share: None,
+        shard: None,
         volumes: None,
     }
 }

@@ -1,7 +1,7 @@
 //! A coarse lattice with the fraction of solid around each sample, brick by brick.
 
 use super::kernel::{BEFORE, depth};
-use super::leaf::{SumBox, block};
+use super::leaf::{SumBox, blocks};
 use super::sharp::{self, LeafPlanes, OpenSharp, Sharp, planes};
 use crate::brick::{HermiteEdge, SignChanges};
 use crate::error::{Error, Result};
@@ -335,6 +335,12 @@ fn last_leaf(key: NodeKey, finest: u8, factor: u32) -> u64 {
     NodeKey::deepest_at(upper.map(|c| (c << bits) as i32)).map_or(u64::MAX, |key| key.post_order().0)
 }
 
+/// The widest cells, in the finest, of a lattice from which those of all factors are summed.
+fn base_of(factors: &[u32]) -> u32 {
+    let divides = |base: &u32| factors.iter().all(|factor| factor.is_multiple_of(*base));
+    [8, 4, 2].into_iter().find(divides).unwrap_or(1)
+}
+
 /// Lattices of the solid of `tree`, where w ≥ 0.5, whose cells are so many of the finest ones an axis. Reads every leaf that
 /// is not uniform once. At most `memory` bytes are held.
 ///
@@ -353,14 +359,15 @@ pub fn fractions(
     progress.phase("fractions", Some(order.keys().len() as u64), "bricks");
     // What comes after is ignored, so it does not matter which threads have seen it.
     let rounded: Vec<AtomicBool> = factors.iter().map(|_| AtomicBool::new(false)).collect();
+    let base = base_of(factors);
     let make = |leaf: &Leaf<'_>| {
         let of = |(&factor, rounded): (&u32, &AtomicBool)| {
-            let made = block(leaf.key, leaf.brick, finest, factor);
             let is_rounded = rounded.load(Ordering::Relaxed);
-            let planes = if is_rounded { None } else { Some(planes(leaf.key, leaf.brick, finest, factor)) };
-            (made, planes.unwrap_or_default())
+            if is_rounded { None } else { Some(planes(leaf.key, leaf.brick, finest, factor)) }
         };
-        Ok(factors.iter().zip(&rounded).map(of).collect::<Vec<_>>())
+        let planes = factors.iter().zip(&rounded).map(|both| of(both).unwrap_or_default());
+        let made = blocks(leaf.key, leaf.brick, finest, (base, factors));
+        Ok(made.into_iter().zip(planes).collect::<Vec<_>>())
     };
     let last = order.keys().len().saturating_sub(1);
     visit(tree, order.keys(), progress, make, |number, blocks: Vec<(Option<SumBox>, LeafPlanes)>| {

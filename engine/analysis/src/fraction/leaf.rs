@@ -14,6 +14,48 @@ pub(super) struct SumBox {
     pub sums: Vec<f64>,
 }
 
+impl SumBox {
+    /// What it adds to the samples of a lattice whose cells are `factor` of these an axis.
+    ///
+    /// A tent is the sum of narrower ones: those of `factor`-th its width at their own spacing, each with the height that the
+    /// wide one has there (the two-scale relation of linear B-splines: Chui 1992, *An Introduction to Wavelets*, ch. 4).
+    pub fn coarsened(&self, factor: u32) -> SumBox {
+        let (mut sums, mut size, mut first) = (self.sums.clone(), self.size, self.first);
+        // The slowest axis first, which leaves the least to the others.
+        for axis in [2, 1, 0] {
+            (first[axis], size[axis], sums) = coarsened(&sums, (first[axis], size), axis, factor);
+        }
+        SumBox { first, size, sums }
+    }
+}
+
+/// Sums of a box, coarser along one axis, with their first sample and their number along it.
+fn coarsened(
+    sums: &[f64],
+    (first, size): (i64, [usize; 3]),
+    axis: usize,
+    factor: u32,
+) -> (i64, usize, Vec<f64>) {
+    let wide = i64::from(factor);
+    let begin = first.div_euclid(wide);
+    // The last sample adds to the one at it or before, and to the next.
+    let count = ((first + size[axis] as i64 - 1).div_euclid(wide) - begin) as usize + 2;
+    let row: usize = size[..axis].iter().product();
+    let mut coarse = vec![0.0; sums.len() / size[axis] * count];
+    for (slab, into) in sums.chunks_exact(row * size[axis]).zip(coarse.chunks_exact_mut(row * count)) {
+        for (n, values) in slab.chunks_exact(row).enumerate() {
+            let at = first + n as i64;
+            let (place, within) = ((at.div_euclid(wide) - begin) as usize, at.rem_euclid(wide) as f64);
+            let upper = within / f64::from(factor).powi(2);
+            for (place, weight) in [(place, 1.0 / f64::from(factor) - upper), (place + 1, upper)] {
+                let to = &mut into[place * row..][..row];
+                to.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+            }
+        }
+    }
+    (begin, count, coarse)
+}
+
 /// Weights of one line of samples at coarse samples, from the first of the block on.
 type Weights = Vec<(usize, f64)>;
 
@@ -82,8 +124,25 @@ fn weights(begin: usize, n: usize, fine: usize, factor: f64, first: i64) -> Weig
     found
 }
 
+/// What a leaf adds to several lattices; `None` where it has no solid. `base` divides all factors.
+pub(super) fn blocks(
+    key: NodeKey,
+    brick: &Brick,
+    finest: u8,
+    (base, factors): (u32, &[u32]),
+) -> Vec<Option<SumBox>> {
+    let direct = |&factor: &u32| block(key, brick, finest, factor);
+    // Larger leaves have many samples of a fine lattice and few crossings.
+    if base == 1 || factors.len() == 1 || key.level() < finest || matches!(brick, Brick::Uniform(_)) {
+        return factors.iter().map(direct).collect();
+    }
+    let of_base = block(key, brick, finest, base);
+    let coarse = |&factor: &u32| of_base.as_ref().map(|block| block.coarsened(factor / base));
+    factors.iter().map(coarse).collect()
+}
+
 /// What a leaf adds; `None` where it has no solid.
-pub(super) fn block(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> Option<SumBox> {
+fn block(key: NodeKey, brick: &Brick, finest: u8, factor: u32) -> Option<SumBox> {
     let plan = Plan::new(key, finest, factor);
     match brick {
         Brick::Uniform(w) if *w < 1 => None,

@@ -16,6 +16,8 @@ const SURE_SHARE: f64 = 0.95;
 const AIM: f64 = 0.96;
 /// Each detail that is tried is larger than the one before by this.
 const STEP: f64 = 1.16;
+/// Factors are multiples of no more than this part of the smallest.
+const FINEST_STEP: u32 = 8;
 /// How far down details are tried in one reading of the leaves.
 const REACH: f64 = 2.2;
 /// The largest tolerance in coarse cells: beyond it a coarser lattice is nearer to the part for as many triangles.
@@ -144,12 +146,13 @@ fn first_lattice(
     }
 }
 
-/// Factors up to one, the smallest first.
+/// Factors up to one, the smallest first. They are multiples of a power of two, so that the leaves are summed once for all.
 fn factors(largest: f64) -> Vec<u32> {
     let mut factors: Vec<u32> = Vec::new();
     let mut factor = largest / REACH;
+    let unit = [8u32, 4, 2].into_iter().find(|&unit| factor >= f64::from(FINEST_STEP * unit)).unwrap_or(1);
     while factor < largest * 1.0001 {
-        factors.push((factor.round() as u32).max(1));
+        factors.push(((factor / f64::from(unit)).round() as u32).max(1) * unit);
         factor *= STEP;
     }
     factors.dedup();

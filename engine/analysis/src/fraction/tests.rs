@@ -123,3 +123,34 @@ fn memory_that_does_not_suffice_is_said() {
     let error = fractions(&tree(0, 2), &[1], 1000, &Silent).map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("do not fit the memory"), "{error}");
 }
+
+/// Sums by place, without what is nothing but rounding.
+fn by_place(block: &leaf::SumBox) -> std::collections::BTreeMap<[i64; 3], f64> {
+    let [nx, ny, _] = block.size;
+    let place = |n: usize| [n % nx, n / nx % ny, n / nx / ny];
+    let sums = block.sums.iter().enumerate().filter(|(_, sum)| sum.abs() > 1e-13);
+    sums.map(|(n, sum)| (std::array::from_fn(|a| block.first[a] + place(n)[a] as i64), *sum)).collect()
+}
+
+#[test]
+fn wide_tents_are_sums_of_narrow_ones() {
+    let tree = tree(0, 2);
+    let factors = [12, 20, 4, 36];
+    let mut seen = 0;
+    for key in tree.keys().into_iter().filter(|key| key.level() == 2) {
+        let brick = tree.brick(key).unwrap();
+        let together = leaf::blocks(key, &brick, 2, (4, &factors));
+        for (&factor, block) in factors.iter().zip(together) {
+            let alone = leaf::blocks(key, &brick, 2, (1, &[factor])).pop().flatten();
+            let [together, alone] =
+                [block, alone].map(|block| block.as_ref().map(by_place).unwrap_or_default());
+            assert!(together.keys().eq(alone.keys()), "{key} {factor}");
+            assert!(
+                together.values().zip(alone.values()).all(|(a, b)| (a - b).abs() < 1e-12),
+                "{key} {factor}"
+            );
+            seen += usize::from(!together.is_empty());
+        }
+    }
+    assert!(seen > 100);
+}

@@ -204,8 +204,8 @@ impl Shares {
     }
 }
 
-/// Builds the tree below the sorted pieces' cubes, or a share of these; returns the records of the nodes above them,
-/// and, of a share, its empty cubes instead.
+/// Builds the tree below the sorted pieces' cubes, or a shard of these; returns the records of the nodes above them,
+/// and, of a shard, its empty cubes instead.
 pub(super) fn follow_pieces<F: PieceField>(
     field: &F,
     sorted: SortedPieces<F>,
@@ -214,7 +214,7 @@ pub(super) fn follow_pieces<F: PieceField>(
     progress: &dyn Progress,
     consume: &mut RecordSink<'_>,
 ) -> Result<(Records, Vec<(u64, i16)>)> {
-    let BuildPlan { rules, share, .. } = plan;
+    let BuildPlan { rules, shard, .. } = plan;
     let threads = rayon::current_num_threads() as u64;
     let memory = memory.saturating_sub(sorted.heap_bytes());
     // Of every two jobs a thread one runs and one waits for its turn; one more can always begin.
@@ -226,10 +226,10 @@ pub(super) fn follow_pieces<F: PieceField>(
     };
     let bounds = RunLimits { memory, reserve: shares.job, window: 2 * threads as usize };
     let root = Branch::new(field, Binner::new(NodeKey::ROOT, sort_level(rules)), 0, sorted, None);
-    let cells = share.map_or(0..u64::MAX, |share| share.cells());
+    let cells = shard.map_or(0..u64::MAX, |shard| shard.cells());
     let (opening, jobs) = root.open(field, 0, &cells, shares);
     progress.phase("building", Some(opening.coming as u64), "subtrees");
-    let mut assembler = Assembler::new(share.map(|share| share.cells()), rules.compression);
+    let mut assembler = Assembler::new(shard.map(|shard| shard.cells()), rules.compression);
     let mut joined = Records::new(rules.compression);
     assembler.open(opening, &mut joined);
     let work = |(builder, pieces): &mut (SubtreeBuilder<F>, Vec<Vec<F::Piece>>),

@@ -151,7 +151,7 @@ pub fn build_clouds(
     clock.lap("cluster");
     let pieces: Vec<CloudPiece> = field.pieces().collect();
     task.cut(|cubes| weigh_pieces(&field, &pieces, cubes, progress), 0)?;
-    clock.lap_if(task.meta.share.is_some(), "weigh");
+    clock.lap_if(task.meta.shard.is_some(), "weigh");
     task.build(&field, gather(&field, &pieces), progress)?;
     clock.lap("build");
     let summary = task.finish(clock, progress)?;

@@ -1,4 +1,4 @@
-//! How much work each cube of a tree is, before any of it is done: what shares are cut by.
+//! How much work each cube of a tree is, before any of it is done: what shards are cut by.
 //!
 //! All are sums and unions over the pieces, so that every machine finds the same, in whatever order it reads them.
 

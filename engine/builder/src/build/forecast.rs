@@ -100,8 +100,8 @@ struct Cost {
 
 impl Cost {
     fn of(bricks: f64, options: &BuildOptions) -> Cost {
-        let shares = options.share.map_or(1.0, |share| f64::from(share.of));
-        let (bricks, threads) = (bricks / shares, rayon::current_num_threads());
+        let shards = options.shard.map_or(1.0, |shard| f64::from(shard.of));
+        let (bricks, threads) = (bricks / shards, rayon::current_num_threads());
         let seconds = bricks * SECONDS_A_BRICK / threads as f64;
         Cost { bricks, bytes: bricks * BYTES_A_BRICK, seconds, threads }
     }

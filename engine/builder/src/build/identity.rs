@@ -11,19 +11,19 @@ use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::solid::{Segment, Solids};
-use crate::store::{BeadSegment, Share, StoreWriter, cell_key, cells_of, encode_segments};
+use crate::store::{BeadSegment, Shard, StoreWriter, cell_key, cells_of, encode_segments};
 use crate::toolpath::Toolpath;
 use rayon::prelude::*;
 
 /// Level at which nodes become jobs: at most 4,096 of them.
 const JOB_LEVEL: u8 = 4;
 
-/// The nodes that get lists: the leaves, and in a share those that may become leaves when shares are joined.
+/// The nodes that get lists: the leaves, and in a shard those that may become leaves when shards are joined.
 pub(super) struct ListedNodes<'a> {
     /// Of the tree, in key order, and which of them are leaves.
     nodes: Vec<(NodeKey, bool)>,
-    share: Option<&'a Share>,
-    /// Nodes above a share's cubes whose cubes, as far as they are the share's, are empty and alike; sorted.
+    shard: Option<&'a Shard>,
+    /// Nodes above a shard's cubes whose cubes, as far as they are the shard's, are empty and alike; sorted.
     alike: Vec<NodeKey>,
 }
 
@@ -36,45 +36,45 @@ enum Role {
     Perhaps,
     /// Nodes below it may get lists.
     Interior,
-    /// It is another share's.
+    /// It is another shard's.
     Elsewhere,
 }
 
 impl ListedNodes<'_> {
-    /// Of the nodes of a store, in key order, or of a share of one.
-    pub fn of(nodes: Vec<(NodeKey, bool)>, share: Option<&Share>) -> ListedNodes<'_> {
-        let mut alike: Vec<NodeKey> = share.map_or(Vec::new(), |share| {
-            (0..share.level).flat_map(|level| nodes_that_are_alike(share, level)).collect()
+    /// Of the nodes of a store, in key order, or of a shard of one.
+    pub fn of(nodes: Vec<(NodeKey, bool)>, shard: Option<&Shard>) -> ListedNodes<'_> {
+        let mut alike: Vec<NodeKey> = shard.map_or(Vec::new(), |shard| {
+            (0..shard.level).flat_map(|level| nodes_that_are_alike(shard, level)).collect()
         });
         alike.sort_unstable();
-        ListedNodes { nodes, share, alike }
+        ListedNodes { nodes, shard, alike }
     }
 
     fn role(&self, key: NodeKey) -> Role {
         if let Ok(at) = self.nodes.binary_search_by_key(&key, |(key, _)| *key) {
             return if self.nodes[at].1 { Role::Leaf } else { Role::Interior };
         }
-        let Some(share) = self.share else { return Role::Interior };
-        let its = cells_of(key, share.level);
-        if key.level() < share.level {
-            return match share.meets(key) {
+        let Some(shard) = self.shard else { return Role::Interior };
+        let its = cells_of(key, shard.level);
+        if key.level() < shard.level {
+            return match shard.meets(key) {
                 true if self.alike.binary_search(&key).is_ok() => Role::Perhaps,
                 true => Role::Interior,
                 false => Role::Elsewhere,
             };
         }
-        let empty = share.found.empty.binary_search_by_key(&its.start, |(cell, _)| *cell).is_ok();
-        if key.level() == share.level && empty { Role::Leaf } else { Role::Elsewhere }
+        let empty = shard.found.empty.binary_search_by_key(&its.start, |(cell, _)| *cell).is_ok();
+        if key.level() == shard.level && empty { Role::Leaf } else { Role::Elsewhere }
     }
 }
 
-/// Nodes of a level above the cubes that a share owns, if all their cubes of the share are empty and have one value.
-fn nodes_that_are_alike(share: &Share, level: u8) -> impl Iterator<Item = NodeKey> {
-    let down = 3 * u32::from(share.level - level);
-    let empty = &share.found.empty;
+/// Nodes of a level above the cubes that a shard owns, if all their cubes of the shard are empty and have one value.
+fn nodes_that_are_alike(shard: &Shard, level: u8) -> impl Iterator<Item = NodeKey> {
+    let down = 3 * u32::from(shard.level - level);
+    let empty = &shard.found.empty;
     let is_alike = move |at: usize| {
         let (first, w) = empty[at];
-        let count = (1u64 << down).min(share.cells().end - first) as usize;
+        let count = (1u64 << down).min(shard.cells().end - first) as usize;
         let alike = empty.get(at..at + count);
         // They are in order and unlike, so as many as there can be are all.
         alike.is_some_and(|all| {

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
-use crate::store::{CoarseSamples, JoinedNode, Records, ResumeState, Share, interior, joined, subtree_level};
+use crate::store::{CoarseSamples, JoinedNode, Records, ResumeState, Shard, interior, joined, subtree_level};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Mutex;
@@ -41,7 +41,7 @@ pub(super) fn sort_cubes(rules: &Rules) -> Binner {
 pub(super) struct BuildPlan<'a> {
     pub rules: &'a Rules,
     /// If it is not the whole tree.
-    pub share: Option<&'a Share>,
+    pub shard: Option<&'a Shard>,
     /// What an earlier run has left of it.
     pub kept: Option<&'a ResumeState>,
     /// What hides between the samples of the leaves that are built.
@@ -66,10 +66,10 @@ impl BuildPlan<'_> {
 /// What gets the records of one job after the other; returns how many bytes it keeps for good, as an index.
 pub(super) type RecordSink<'a> = dyn FnMut(Records) -> Result<u64> + Send + 'a;
 
-/// Builds the tree of a field, the whole or a share. `consume` gets the records of one job after the
+/// Builds the tree of a field, the whole or a shard. `consume` gets the records of one job after the
 /// other in Morton order, each in post-order, and last those of the levels above the jobs; it returns how many bytes it
 /// keeps for good, as an index. Trees that follow the pieces are built within `memory` bytes. Returns the empty cubes of
-/// a share of such a tree, which has no nodes above its jobs.
+/// a shard of such a tree, which has no nodes above its jobs.
 pub(super) fn build_tree<F: PieceField>(
     field: &F,
     sorted: SortedPieces<F>,
@@ -87,7 +87,7 @@ pub(super) fn build_tree<F: PieceField>(
     Ok(empty)
 }
 
-/// Levels above the jobs are evaluated breadth-first; the nodes that refine down to the job level are jobs. For a share
+/// Levels above the jobs are evaluated breadth-first; the nodes that refine down to the job level are jobs. For a shard
 /// this is done of all nodes that it has a part in, and recorded of those that it owns.
 fn decide_from_the_top<F: PieceField>(
     field: &F,
@@ -96,9 +96,9 @@ fn decide_from_the_top<F: PieceField>(
     progress: &dyn Progress,
     consume: &mut RecordSink<'_>,
 ) -> Result<Records> {
-    let BuildPlan { rules, share, .. } = plan;
-    let meets = |key: NodeKey| share.is_none_or(|share| share.meets(key));
-    let owns = |key: NodeKey| share.is_none_or(|share| share.owns(key));
+    let BuildPlan { rules, shard, .. } = plan;
+    let meets = |key: NodeKey| shard.is_none_or(|shard| shard.meets(key));
+    let owns = |key: NodeKey| shard.is_none_or(|shard| shard.owns(key));
     let mut all = Vec::new();
     sorted.gather(0, &mut all)?;
     drop(sorted);
@@ -107,9 +107,9 @@ fn decide_from_the_top<F: PieceField>(
     let mut settled: Vec<(NodeKey, bool, Brick)> = Vec::new();
     let mut unseen = Vec::new();
     while frontier.first().is_some_and(|job| job.key.level() < job_level(rules)) {
-        // A share, which lacks some of the children, evaluates what the whole joins; that gives the same samples.
+        // A shard, which lacks some of the children, evaluates what the whole joins; that gives the same samples.
         let decide = |evaluator: &mut F::Evaluator, node: NodePieces<F::Piece>| {
-            Ok((node.key, node.decide(field, evaluator, rules, share.is_none())?))
+            Ok((node.key, node.decide(field, evaluator, rules, shard.is_none())?))
         };
         let decided: Vec<(NodeKey, NodeDecision<F::Piece>)> =
             frontier.into_par_iter().map_init(F::Evaluator::default, decide).collect::<Result<_>>()?;

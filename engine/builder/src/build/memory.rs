@@ -120,7 +120,7 @@ fn tree_of<F: PieceField>(
     build_tree(
         field,
         sorted,
-        BuildPlan { rules, share: None, kept: None, thin: &Mutex::default() },
+        BuildPlan { rules, shard: None, kept: None, thin: &Mutex::default() },
         u64::MAX,
         &Silent,
         &mut |records: Records| {

@@ -1,7 +1,7 @@
-//! Joining shares: from the files of several machines to the store that one would have built.
+//! Joining shards: from the files of several machines to the store that one would have built.
 //!
 //! Subtrees are copied record by record, along the Morton curve; nodes above them are made from their children as in a
-//! build, or copied where a build evaluates them. So the bytes are those of a build without shares.
+//! build, or copied where a build evaluates them. So the bytes are those of a build without shards.
 
 use super::assemble::{Assembler, Opening};
 use crate::error::{Error, Result};
@@ -9,21 +9,21 @@ use crate::lattice::NodeKey;
 use crate::progress::Progress;
 use crate::store::{
     BrickTree, BuildCounts, CoarseSamples, Compression, IdentityEntry, IndexEntry, JoinedNode, Meta, Records,
-    Share, Stats, Store, StoreWriter, cell_key, check_target,
+    Shard, Stats, Store, StoreWriter, cell_key, check_target,
 };
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What to do about shares that do not fit.
+/// What to do about shards that do not fit.
 const REMEDY: &str =
-    "build all shares by the same program from the same input, named alike, with the same settings";
+    "build all shards by the same program from the same input, named alike, with the same settings";
 
-/// What joining shares has made.
+/// What joining shards has made.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct MergeSummary {
-    /// Shares joined.
-    pub shares: u32,
+    /// Shards joined.
+    pub shards: u32,
     /// Nodes in the tree.
     pub nodes: u64,
     /// Leaves among them.
@@ -32,61 +32,61 @@ pub struct MergeSummary {
     pub file_bytes: u64,
 }
 
-/// A share that is open, with what its metadata says of it.
+/// A shard that is open, with what its metadata says of it.
 struct Part {
     store: Store,
-    share: Share,
+    shard: Shard,
 }
 
-/// Joins all shares of a store, in whatever order they are given, and writes `output`: the bytes that a build without
-/// shares gives. Memory holds the index alone.
+/// Joins all shards of a store, in whatever order they are given, and writes `output`: the bytes that a build without
+/// shards gives. Memory holds the index alone.
 ///
 /// # Errors
-/// Files that are not shares, do not belong together or are damaged; shares that are missing or given twice; an output
+/// Files that are not shards, do not belong together or are damaged; shards that are missing or given twice; an output
 /// that cannot be written. Nothing is left under the final name unless all is joined.
-pub fn merge(shares: &[PathBuf], output: &Path, progress: &dyn Progress) -> Result<MergeSummary> {
+pub fn merge(shards: &[PathBuf], output: &Path, progress: &dyn Progress) -> Result<MergeSummary> {
     check_target(output)?;
-    let mut parts: Vec<Part> = shares.iter().map(|path| Part::open(path)).collect::<Result<_>>()?;
-    parts.sort_by_key(|part| part.share.id);
+    let mut parts: Vec<Part> = shards.iter().map(|path| Part::open(path)).collect::<Result<_>>()?;
+    parts.sort_by_key(|part| part.shard.id);
     let Some(first) = parts.first() else {
-        return Err(Error::setting("there are no shares", "give all shares of a store"));
+        return Err(Error::setting("there are no shards", "give all shards of a store"));
     };
     parts.iter().try_for_each(|part| first.require_same_build(part))?;
     require_all(&parts)?;
-    // The writer fills in what differs from share to share.
-    let meta = Meta { share: None, ..first.store.meta().clone() };
+    // The writer fills in what differs from shard to shard.
+    let meta = Meta { shard: None, ..first.store.meta().clone() };
     let records = parts.iter().map(|part| part.store.entries().len() as u64).sum();
     progress.phase("joining", Some(records), "records");
     let mut writer = StoreWriter::create(output, &meta)?.of_files(REMEDY);
-    match first.share.found.joined {
+    match first.shard.found.joined {
         true => join_subtrees(&parts, &mut writer, progress)?,
         false => copy_decided(&parts, &mut writer, progress)?,
     }
     copy_identity(&parts, &mut writer, progress)?;
     progress.phase("finishing", None, "bytes");
     let Stats { nodes, leaves, file_bytes, .. } = writer.finish(meta)?;
-    Ok(MergeSummary { shares: parts.len() as u32, nodes, leaves, file_bytes })
+    Ok(MergeSummary { shards: parts.len() as u32, nodes, leaves, file_bytes })
 }
 
 impl Part {
     fn open(path: &Path) -> Result<Part> {
         let store = Store::open_any(path, 0)?;
-        match store.meta().share.clone() {
-            Some(share) => Ok(Part { store, share }),
+        match store.meta().shard.clone() {
+            Some(shard) => Ok(Part { store, shard }),
             None => {
                 let remedy = "give the files that `brickfield build --shard I/N` has written";
-                Err(Error::store(path, "header", "this is a whole store, not a share of one", remedy))
+                Err(Error::store(path, "header", "this is a whole store, not a shard of one", remedy))
             }
         }
     }
 
     fn mismatch(&self, what: impl ToString, remedy: &str) -> Error {
-        Error::store(self.store.path(), format!("share {}", self.share.id), what, remedy)
+        Error::store(self.store.path(), format!("shard {}", self.shard.id), what, remedy)
     }
 
-    /// Fails if another share comes of another input, other settings or another program.
+    /// Fails if another shard comes of another input, other settings or another program.
     fn require_same_build(&self, other: &Part) -> Result<()> {
-        let (mine, theirs) = (facts(self.store.meta(), &self.share), facts(other.store.meta(), &other.share));
+        let (mine, theirs) = (facts(self.store.meta(), &self.shard), facts(other.store.meta(), &other.shard));
         let differ = mine.into_iter().zip(theirs).find(|(a, b)| a != b);
         let Some(((_, mine), (name, theirs))) = differ else { return Ok(()) };
         let path = self.store.path().display();
@@ -112,7 +112,7 @@ impl Part {
 
     /// Entries at the shared cubes and below, in post-order.
     fn subtrees(&self) -> Vec<&IndexEntry> {
-        let below = |entry: &&IndexEntry| entry.key.level() >= self.share.level;
+        let below = |entry: &&IndexEntry| entry.key.level() >= self.shard.level;
         let mut entries: Vec<&IndexEntry> = self.store.entries().iter().filter(below).collect();
         entries.sort_unstable_by_key(|entry| entry.key.post_order());
         entries
@@ -120,55 +120,55 @@ impl Part {
 
     /// The node of a cube, as its parent sees it.
     fn top_of(&self, cell: u64) -> Result<JoinedNode> {
-        let key = cell_key(self.share.level, cell).unwrap_or(NodeKey::ROOT);
+        let key = cell_key(self.shard.level, cell).unwrap_or(NodeKey::ROOT);
         Ok(JoinedNode::Stored(CoarseSamples::of(&*self.store.brick(key)?)))
     }
 }
 
-/// What all shares of a store have in common, by name: what decides them, and what they found.
-fn facts(meta: &Meta, share: &Share) -> Vec<(String, String)> {
+/// What all shards of a store have in common, by name: what decides them, and what they found.
+fn facts(meta: &Meta, shard: &Shard) -> Vec<(String, String)> {
     let mut facts = meta.facts();
     let mut fact = |name: &str, value: String| facts.push((name.to_owned(), value));
     let BuildCounts { facets, degenerate_facets, .. } = meta.numbers;
     fact("number of facets", format!("{facets} ({degenerate_facets} without area)"));
     fact("number of segments", meta.beads.as_ref().map_or(0, |beads| beads.segments).to_string());
     // Toolpaths are swept and filtered by settings that leave no other trace.
-    fact("sum over all pieces", format!("{:016x}", share.found.pieces));
-    fact("level of cubes", share.level.to_string());
-    fact("way of building", if share.found.joined { "from leaves" } else { "from the root" }.to_owned());
+    fact("sum over all pieces", format!("{:016x}", shard.found.pieces));
+    fact("level of cubes", shard.level.to_string());
+    fact("way of building", if shard.found.joined { "from leaves" } else { "from the root" }.to_owned());
     facts
 }
 
-/// Fails unless every share is there once and all together have every cube. They are sorted.
+/// Fails unless every shard is there once and all together have every cube. They are sorted.
 fn require_all(parts: &[Part]) -> Result<()> {
-    if let Some(pair) = parts.windows(2).find(|pair| pair[0].share.id == pair[1].share.id) {
-        let what = format!("{} is the same share", pair[0].store.path().display());
-        return Err(pair[1].mismatch(what, "give every share once"));
+    if let Some(pair) = parts.windows(2).find(|pair| pair[0].shard.id == pair[1].shard.id) {
+        let what = format!("{} is the same shard", pair[0].store.path().display());
+        return Err(pair[1].mismatch(what, "give every shard once"));
     }
     let Some(first) = parts.first() else { return Ok(()) };
-    let of = first.share.id.of;
-    let is_there = |number: &u32| parts.binary_search_by_key(number, |part| part.share.id.number).is_ok();
+    let of = first.shard.id.of;
+    let is_there = |number: &u32| parts.binary_search_by_key(number, |part| part.shard.id.number).is_ok();
     let missing: Vec<u32> = (1..=of).filter(|number| !is_there(number)).collect();
     if !missing.is_empty() {
         let what = format!(
-            "of {of} shares {} {} missing",
+            "of {of} shards {} {} missing",
             list(&missing),
             if missing.len() == 1 { "is" } else { "are" }
         );
         return Err(Error::setting(
             what,
-            "build them with the same input and settings, and give all shares at once",
+            "build them with the same input and settings, and give all shards at once",
         ));
     }
     let mut next = 0;
     for part in parts {
-        if part.share.cells().start != next {
-            return Err(part.mismatch("its cubes do not begin where those of the share before end", REMEDY));
+        if part.shard.cells().start != next {
+            return Err(part.mismatch("its cubes do not begin where those of the shard before end", REMEDY));
         }
-        next = part.share.cells().end;
+        next = part.shard.cells().end;
     }
     match parts.last() {
-        Some(last) if next != 1 << (3 * u32::from(last.share.level)) => {
+        Some(last) if next != 1 << (3 * u32::from(last.shard.level)) => {
             Err(last.mismatch("its cubes end before the last", REMEDY))
         }
         _ => Ok(()),
@@ -190,8 +190,8 @@ fn list(numbers: &[u32]) -> String {
 
 /// Copies subtrees, and joins their top nodes to those above.
 fn join_subtrees(parts: &[Part], writer: &mut StoreWriter, progress: &dyn Progress) -> Result<()> {
-    let Some(Part { share: Share { level, .. }, .. }) = parts.first() else { return Ok(()) };
-    // Shares are built with it.
+    let Some(Part { shard: Shard { level, .. }, .. }) = parts.first() else { return Ok(()) };
+    // Shards are built with it.
     let compression = Some(Compression::Lz4);
     let mut assembler = Assembler::new(None, compression);
     let mut joined = Records::new(compression);
@@ -201,8 +201,8 @@ fn join_subtrees(parts: &[Part], writer: &mut StoreWriter, progress: &dyn Progre
     assembler.open(opening, &mut joined);
     for part in parts {
         let entries = part.subtrees();
-        let (mut entries, mut empty) = (entries.as_slice(), part.share.found.empty.iter().peekable());
-        for cell in part.share.cells() {
+        let (mut entries, mut empty) = (entries.as_slice(), part.shard.found.empty.iter().peekable());
+        for cell in part.shard.cells() {
             let node = match empty.next_if(|(number, _)| *number == cell) {
                 Some((_, w)) => JoinedNode::Empty(*w),
                 None => {
@@ -226,7 +226,7 @@ fn copy_decided(parts: &[Part], writer: &mut StoreWriter, progress: &dyn Progres
     }
     let above = |part: &'_ Part| {
         let entries = part.store.entries().iter();
-        entries.take_while(|entry| entry.key.level() < part.share.level).count()
+        entries.take_while(|entry| entry.key.level() < part.shard.level).count()
     };
     let of_part = |part| (0..above(part)).map(move |at| (part, &part.store.entries()[at]));
     let mut above: Vec<(&Part, &IndexEntry)> = parts.iter().flat_map(of_part).collect();

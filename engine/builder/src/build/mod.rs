@@ -56,6 +56,6 @@ pub use pipeline::{BuildOptions, CommitOptions, Resolution, build, build_opened}
 pub use planned::{PlanSummary, build_planned, is_plan, plan};
 pub use resources::Resources;
 pub use rules::TreeOptions;
-pub use summary::{BuildSummary, ResumedBuild, ShareSummary};
+pub use summary::{BuildSummary, ResumedBuild, ShardSummary};
 pub use thin::{ThinDepth, ThinSheetsSummary, ThinSummary};
 pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

@@ -21,7 +21,7 @@ use crate::lattice::{MAX_LEVEL, RootCube};
 use crate::pieces::{Consistency, FlippedSource};
 use crate::progress::Progress;
 use crate::solid::Outline;
-use crate::store::{Compression, Refine, SettingPairs, ShareId, Source, check_target};
+use crate::store::{Compression, Refine, SettingPairs, ShardId, Source, check_target};
 use crate::volumes::facet_volumes;
 use crate::winding::{FAR_FIELD_BYTES, OpenSummary};
 use std::path::{Path, PathBuf};
@@ -73,8 +73,8 @@ pub struct BuildOptions {
     pub orient: Option<Consistency>,
     /// Record in every leaf which beads it counts, where beads are solids.
     pub identity: bool,
-    /// Build only this share of the tree, to be joined with the others by [`super::merge`].
-    pub share: Option<ShareId>,
+    /// Build only this shard of the tree, to be joined with the others by [`super::merge`].
+    pub shard: Option<ShardId>,
     /// How payloads are stored. The store has the bytes that [`brickfield_octree::cache::repack`] makes of one with another.
     pub compression: Compression,
     /// What the build may take.
@@ -102,7 +102,7 @@ impl Default for BuildOptions {
             count: Count::default(),
             orient: None,
             identity: false,
-            share: None,
+            shard: None,
             compression: Compression::Lz4,
             resources: Resources::default(),
             keeping: CommitOptions::default(),
@@ -184,7 +184,7 @@ fn build_soup(
     clock.lap_if(turned.is_some(), "orient");
     let facets: u64 = opened.iter().map(Input::facets).sum();
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress), facets / FACETS_OF_VOLUMES)?;
-    clock.lap_if(task.meta.share.is_some(), "weigh");
+    clock.lap_if(task.meta.shard.is_some(), "weigh");
     progress.phase("snapping", Some(facets), "facets");
     let cubes = task.cubes();
     let soup = snap(&soups, root, (cubes, task.rules.sieved()), &task.room, progress)?;

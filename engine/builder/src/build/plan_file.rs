@@ -325,15 +325,15 @@ impl CellStore<Soup> for PlannedTriangles {
 mod tests {
     use super::*;
     use crate::lattice::RootCube;
-    use crate::store::{BuildCounts, Refine, Share, ShareId, ShareNumbers};
+    use crate::store::{BuildCounts, Refine, Shard, ShardId, ShardNumbers};
     use proptest::prelude::*;
 
     fn directory() -> PlanDirectory {
-        let share = Share {
-            id: ShareId { number: 1, of: 1 },
+        let shard = Shard {
+            id: ShardId { number: 1, of: 1 },
             level: 1,
             gwn_error: 1e-3,
-            found: ShareNumbers::default(),
+            found: ShardNumbers::default(),
         };
         let meta = Meta {
             program: "brickfield".to_owned(),
@@ -349,7 +349,7 @@ mod tests {
             numbers: BuildCounts::default(),
             beads: None,
             volumes: None,
-            share: Some(share),
+            shard: Some(shard),
         };
         let settings = vec![("way".to_owned(), "None".to_owned())];
         PlanDirectory { meta, settings, work: vec![3, 1, 4], jumps: vec![-1, 5] }

@@ -19,7 +19,7 @@ use crate::ingest::{Facets, Input};
 use crate::lattice::NodeKey;
 use crate::pieces::FlippedSource;
 use crate::progress::Progress;
-use crate::store::{Meta, Share, ShareId, ShareNumbers, check_target};
+use crate::store::{Meta, Shard, ShardId, ShardNumbers, check_target};
 use crate::volumes::facet_volumes;
 use crate::winding::CornerGrid;
 use serde::Serialize;
@@ -91,9 +91,9 @@ pub fn plan(
     clock.lap("volumes");
     meta.numbers.facets = facets;
     meta.numbers.degenerate_facets = soup.degenerate;
-    let found = ShareNumbers { pieces: cost.sum, ..ShareNumbers::default() };
-    let one = ShareId { number: 1, of: 1 };
-    meta.share = Some(Share { id: one, level, gwn_error: options.gwn_error, found });
+    let found = ShardNumbers { pieces: cost.sum, ..ShardNumbers::default() };
+    let one = ShardId { number: 1, of: 1 };
+    meta.shard = Some(Shard { id: one, level, gwn_error: options.gwn_error, found });
     let way = ("way to turn pieces".to_owned(), way_to_turn(options));
     let settings = std::iter::once(way).chain(options.keeping.settings.clone()).collect();
     let jumps = soup.sorted.corners.iter().flat_map(CornerGrid::jumps).collect();
@@ -129,13 +129,13 @@ fn require_closed(is_closed: bool) -> Result<()> {
     Err(Error::setting(what, "build the shards from the input itself, or close the surface"))
 }
 
-/// Builds the shard of a plan that `options.share` names, on the threads of the current rayon pool. Of the other options only resources, what
+/// Builds the shard of a plan that `options.shard` names, on the threads of the current rayon pool. Of the other options only resources, what
 /// is kept of an interrupted build, and the program count; all else is the plan's.
 ///
 /// The shard is joined with the others of its plan by [`super::merge`], to the bytes of one build.
 ///
 /// # Errors
-/// A plan that is damaged or was made by another version of the program, no share, an output that cannot be written.
+/// A plan that is damaged or was made by another version of the program, no shard, an output that cannot be written.
 pub fn build_planned(
     plan: &Path,
     output: &Path,
@@ -159,18 +159,18 @@ fn build_shard(
         let what = format!("it was made by {}, and this is {}", meta.program, options.program);
         return Err(Error::input(path, "plan", what, "make the plan again"));
     }
-    let Some(id) = options.share else {
-        return Err(Error::setting("a plan is built in shards", "say which with `share`"));
+    let Some(id) = options.shard else {
+        return Err(Error::setting("a plan is built in shards", "say which with `shard`"));
     };
     let damaged = |what: &str| Error::input(path, "directory", what, "make the plan again");
-    let planned = meta.share.as_ref().ok_or_else(|| damaged("no cubes are shared out"))?;
+    let planned = meta.shard.as_ref().ok_or_else(|| damaged("no cubes are shared out"))?;
     let is_first = id.number == 1;
     let volumes = meta.volumes.clone().filter(|_| is_first);
     let mut settings = settings.clone();
     let way = if settings.is_empty() { String::new() } else { settings.remove(0).1 };
     let mut keeping = options.keeping.clone();
     keeping.settings = settings;
-    let whole = Meta { share: None, volumes: None, ..meta.clone() };
+    let whole = Meta { shard: None, volumes: None, ..meta.clone() };
     let options = BuildOptions { keeping, ..options.clone() };
     let mut task = Task::begin_as(whole, (planned.gwn_error, way), output, &options)?;
     task.meta.volumes = volumes;

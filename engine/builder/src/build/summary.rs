@@ -3,7 +3,7 @@
 use super::thin::ThinSummary;
 use crate::backend::DeviceReport;
 use crate::pieces::{InsideOut, PiecesReport};
-use crate::store::ShareId;
+use crate::store::ShardId;
 use serde::{Serialize, Serializer};
 
 /// What a build did.
@@ -54,8 +54,8 @@ pub struct BuildSummary {
     pub temporary_bytes: u64,
     /// What of an earlier run was gone on with, if there was something.
     pub resumed: Option<ResumedBuild>,
-    /// What of the tree was built, if it was a share.
-    pub share: Option<ShareSummary>,
+    /// What of the tree was built, if it was a shard.
+    pub shard: Option<ShardSummary>,
     /// What a device did, if one was given and the input is what devices are for.
     pub device: Option<DeviceReport>,
     /// Seconds by phase, in order; serialized as a map.
@@ -79,15 +79,15 @@ pub struct ResumedBuild {
     pub part: f64,
 }
 
-/// A share of a tree.
+/// A shard of a tree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ShareSummary {
+pub struct ShardSummary {
     /// Which one.
     #[serde(flatten)]
-    pub id: ShareId,
+    pub id: ShardId,
     /// Level of the cubes that are shared out.
     pub level: u8,
-    /// How many the share has, empty ones included.
+    /// How many the shard has, empty ones included.
     pub cubes: u64,
     /// The part of all work that was foreseen for it.
     pub work: f64,

@@ -11,7 +11,7 @@ use super::pipeline::{BuildOptions, CommitOptions};
 use super::resources::SpillResources;
 use super::rules::{Rules, TreeOptions};
 use super::sorted::SortedPieces;
-use super::summary::{BuildSummary, ResumedBuild, ShareSummary};
+use super::summary::{BuildSummary, ResumedBuild, ShardSummary};
 use super::thin::ThinSummary;
 use crate::brick::ThinFeatures;
 use crate::error::{Error, Result};
@@ -20,7 +20,7 @@ use crate::lattice::RootCube;
 use crate::pieces::InsideOut;
 use crate::progress::Progress;
 use crate::store::{
-    BeadsMeta, BuildCounts, Compression, Meta, Records, Share, ShareNumbers, Source, Stats, StoreWriter,
+    BeadsMeta, BuildCounts, Compression, Meta, Records, Shard, ShardNumbers, Source, Stats, StoreWriter,
 };
 use std::path::Path;
 use std::sync::Mutex;
@@ -45,7 +45,7 @@ pub(super) struct Task {
     pub room: SpillResources,
     /// What hides between the samples of the leaves that were built.
     thin: Mutex<ThinFeatures>,
-    /// The part of all work that was foreseen for the share, if only one is asked for.
+    /// The part of all work that was foreseen for the shard, if only one is asked for.
     work: f64,
     /// What was there when it began.
     resumed: Option<ResumedBuild>,
@@ -76,21 +76,21 @@ impl Task {
         options: &BuildOptions,
     ) -> Result<Task> {
         let compression = options.compression;
-        if options.share.is_some() && compression != Compression::Lz4 {
-            let what = format!("a share of a store is not built with the compression {compression}");
+        if options.shard.is_some() && compression != Compression::Lz4 {
+            let what = format!("a shard of a store is not built with the compression {compression}");
             return Err(Error::setting(
                 what,
-                "leave it out, and repack the whole when the shares are joined",
+                "leave it out, and repack the whole when the shards are joined",
             ));
         }
         let rules = Rules { compression: Some(compression), ..Rules::of(&meta)? };
-        let share = options.share.map(|id| Share {
+        let shard = options.shard.map(|id| Shard {
             id,
             level: job_level(&rules),
             gwn_error,
-            found: ShareNumbers::default(),
+            found: ShardNumbers::default(),
         });
-        let meta = Meta { share, ..meta };
+        let meta = Meta { shard, ..meta };
         let room = SpillResources::new(&options.resources, output)?;
         let CommitOptions { pace, restart, settings } = options.keeping.clone();
         let of_build = [
@@ -106,37 +106,37 @@ impl Task {
         Ok(Task { rules, meta, writer, room, thin: Mutex::default(), work: 1.0, resumed })
     }
 
-    /// Whether the volumes of the source are to be measured: of shares the first does it for all.
+    /// Whether the volumes of the source are to be measured: of shards the first does it for all.
     pub fn measures_volumes(&self) -> bool {
-        self.meta.share.as_ref().is_none_or(|share| share.id.number == 1)
+        self.meta.shard.as_ref().is_none_or(|shard| shard.id.number == 1)
     }
 
-    /// Decides which cubes are those of the share that is asked for, if one is. `weigh` is told their level and the
+    /// Decides which cubes are those of the shard that is asked for, if one is. `weigh` is told their level and the
     /// tree's depth. Measuring the volumes is `other` work.
     pub fn cut(&mut self, weigh: impl FnOnce((u8, u8)) -> Result<CostMap>, other: u64) -> Result<()> {
-        let Some(share) = &self.meta.share else { return Ok(()) };
-        let work = weigh((share.level, self.rules.depth))?;
+        let Some(shard) = &self.meta.shard else { return Ok(()) };
+        let work = weigh((shard.level, self.rules.depth))?;
         self.cut_by(&work.of_cubes(), other, work.sum);
         Ok(())
     }
 
     /// The same, given the work of each cube and the sum over all pieces.
     pub fn cut_by(&mut self, of_cubes: &[u64], other: u64, pieces: u64) {
-        let Some(share) = &mut self.meta.share else { return };
-        let cells = cut(share.id, of_cubes, other);
-        let of_share: u64 = of_cubes[cells.start as usize..cells.end as usize].iter().sum();
-        let own = if share.id.number == 1 { other } else { 0 };
+        let Some(shard) = &mut self.meta.shard else { return };
+        let cells = cut(shard.id, of_cubes, other);
+        let of_shard: u64 = of_cubes[cells.start as usize..cells.end as usize].iter().sum();
+        let own = if shard.id.number == 1 { other } else { 0 };
         let all = other + of_cubes.iter().sum::<u64>();
-        self.work = (own + of_share) as f64 / all.max(1) as f64;
-        share.found.cells = (cells.start, cells.end);
-        share.found.pieces = pieces;
+        self.work = (own + of_shard) as f64 / all.max(1) as f64;
+        shard.found.cells = (cells.start, cells.end);
+        shard.found.pieces = pieces;
     }
 
     /// The cubes that pieces are to be sorted by.
     pub fn cubes(&self) -> Binner {
         let cubes = sort_cubes(&self.rules);
-        match &self.meta.share {
-            Some(share) if self.rules.refines_all_touched() => cubes.keeping(share.cells()),
+        match &self.meta.shard {
+            Some(shard) if self.rules.refines_all_touched() => cubes.keeping(shard.cells()),
             _ => cubes,
         }
     }
@@ -155,8 +155,8 @@ impl Task {
             ));
         }
         let kept = self.writer.kept();
-        let share = self.meta.share.as_ref();
-        let plan = BuildPlan { rules: &self.rules, share, kept: kept.as_deref(), thin: &self.thin };
+        let shard = self.meta.shard.as_ref();
+        let plan = BuildPlan { rules: &self.rules, shard, kept: kept.as_deref(), thin: &self.thin };
         let (writer, index) = (&mut self.writer, self.room.index());
         let mut record = |bricks: Records| {
             let bytes = bricks.write(writer)?;
@@ -165,9 +165,9 @@ impl Task {
         };
         let built = build_tree(field, sorted, plan, self.room.memory(), progress, &mut record);
         let empty = self.keep(built)?;
-        if let Some(share) = &mut self.meta.share {
-            share.found.joined = self.rules.refines_all_touched();
-            share.found.empty = empty;
+        if let Some(shard) = &mut self.meta.shard {
+            shard.found.joined = self.rules.refines_all_touched();
+            shard.found.empty = empty;
         }
         Ok(())
     }
@@ -179,7 +179,7 @@ impl Task {
         progress: &dyn Progress,
     ) -> Result<Option<InsideOut>> {
         let is_negative = self.writer.lowest().is_some_and(|lowest| lowest < 0);
-        if !is_negative || self.meta.share.is_some() {
+        if !is_negative || self.meta.shard.is_some() {
             return Ok(None);
         }
         let found = orient::find_inside_out(soups, self.meta.root, self.room.memory(), progress);
@@ -207,10 +207,10 @@ impl Task {
     pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<BuildSummary> {
         progress.phase("finishing", None, "bytes");
         let Meta { root, depth, numbers: BuildCounts { facets, degenerate_facets, .. }, .. } = self.meta;
-        let share = self.meta.share.as_ref().map(|share| ShareSummary {
-            id: share.id,
-            level: share.level,
-            cubes: share.cells().end - share.cells().start,
+        let shard = self.meta.shard.as_ref().map(|shard| ShardSummary {
+            id: shard.id,
+            level: shard.level,
+            cubes: shard.cells().end - shard.cells().start,
             work: self.work,
         });
         let thin = self.thin.into_inner().expect("no thread panicked");
@@ -240,7 +240,7 @@ impl Task {
             base_depth: self.rules.depth,
             thin,
             resumed: self.resumed,
-            share,
+            shard,
             device: None,
             phases: clock.laps,
         })
@@ -275,7 +275,7 @@ pub(super) fn meta_of(
         numbers: BuildCounts::default(),
         beads: None,
         volumes: None,
-        share: None,
+        shard: None,
     })
 }
 

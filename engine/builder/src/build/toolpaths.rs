@@ -78,7 +78,7 @@ pub fn build_beads(
     let (solids, segments) = Solids::of_passes(&counted, root, outline)?;
     let other = VOLUMES_OF_SEGMENT * segments.len() as u64;
     task.cut(|cubes| weigh_pieces(&solids, &segments, cubes, progress), other)?;
-    clock.lap_if(task.meta.share.is_some(), "weigh");
+    clock.lap_if(task.meta.shard.is_some(), "weigh");
     progress.phase("sorting", Some(segments.len() as u64), "segments");
     let sorted = sort_segments(&solids, &segments, task.cubes(), progress)?;
     let number = segments.len() as u64;
@@ -96,7 +96,7 @@ pub fn build_beads(
             tables.passes = first_passes(&counted);
         }
         task.writer.begin_identity(tables);
-        let leaves = ListedNodes::of(task.writer.nodes(), task.meta.share.as_ref());
+        let leaves = ListedNodes::of(task.writer.nodes(), task.meta.shard.as_ref());
         let named = ListSources { solids: &solids, paths: &paths, count };
         let written = write_identity(&named, segments, &leaves, &mut task.writer, progress);
         task.keep(written)?;

@@ -320,7 +320,7 @@ impl<'a> Field<'a> {
             tolerance: None,
             numbers: BuildCounts::default(),
             beads: None,
-            share: None,
+            shard: None,
             volumes: None,
         })
     }

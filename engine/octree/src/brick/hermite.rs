@@ -11,6 +11,9 @@ use crate::wide::{Simd, SimdBase, SimdMask, dispatch, i16x16, level};
 pub struct OctNormal(pub u32);
 
 impl OctNormal {
+    /// What the components of [`OctNormal::to_direction`] add up to.
+    pub const SUM: i32 = 32767;
+
     /// Encodes the direction of an integer vector, whose components stay below 2^62, by integer arithmetic
     /// alone, so that every backend gets the same code. The zero vector becomes +z.
     pub fn from_integer(n: [i64; 3]) -> OctNormal {
@@ -45,6 +48,15 @@ impl OctNormal {
 
     fn pack(u: i16, v: i16) -> OctNormal {
         OctNormal(u32::from(u as u16) | u32::from(v as u16) << 16)
+    }
+
+    /// A vector of that direction, whose components add up to [`OctNormal::SUM`] in absolute value.
+    #[inline]
+    pub fn to_direction(self) -> [i32; 3] {
+        let (u, v) = (i32::from(self.0 as u16 as i16), i32::from((self.0 >> 16) as u16 as i16));
+        let z = OctNormal::SUM - u.abs() - v.abs();
+        let fold = (-z).max(0);
+        [if u < 0 { u + fold } else { u - fold }, if v < 0 { v + fold } else { v - fold }, z]
     }
 
     /// The unit vector.

@@ -137,9 +137,9 @@ fn facts_that_differ(first: &Store, second: &Store) -> Vec<MetaDifference> {
         second: value_in(&theirs, name),
     };
     let mut differ: Vec<MetaDifference> = names.map(both).filter(|fact| fact.first != fact.second).collect();
-    let share = |store: &Store| store.meta().share.as_ref().map(|share| share.id.to_string());
-    if share(first) != share(second) {
-        differ.push(MetaDifference { name: "share".to_owned(), first: share(first), second: share(second) });
+    let shard = |store: &Store| store.meta().shard.as_ref().map(|shard| shard.id.to_string());
+    if shard(first) != shard(second) {
+        differ.push(MetaDifference { name: "shard".to_owned(), first: shard(first), second: shard(second) });
     }
     differ
 }

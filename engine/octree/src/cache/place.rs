@@ -15,7 +15,7 @@ pub fn meets_box(key: NodeKey, root: &RootCube, corners: [[f64; 3]; 2]) -> bool 
 }
 
 /// The leaf whose cells hold a point of the world, the one that `sample_at` of the crate for analyses takes, or the node there
-/// of level `deepest`; `None` outside the root, and where a share or an unfinished store has none.
+/// of level `deepest`; `None` outside the root, and where a shard or an unfinished store has none.
 pub fn node_at(tree: &dyn BrickTree, point: [f64; 3], deepest: Option<u8>) -> Option<NodeKey> {
     let finest = NodeKey::deepest_holding(tree.root().from_first_sample(point))?;
     let keys = (0..=deepest.unwrap_or(MAX_LEVEL)).filter_map(|level| finest.ancestor(level));

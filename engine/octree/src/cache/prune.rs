@@ -44,7 +44,7 @@ pub struct PruneRegion {
 /// metadata tell in the name of the program.
 ///
 /// # Errors
-/// As [`super::compact`]; [`Error::Setting`] for bounds that are none; [`Error::Store`] for a share of a store, and for a
+/// As [`super::compact`]; [`Error::Setting`] for bounds that are none; [`Error::Store`] for a shard of a store, and for a
 /// box that lies elsewhere.
 pub fn prune(
     store: &Store,
@@ -52,13 +52,13 @@ pub fn prune(
     options: &PruneOptions,
     progress: &dyn Progress,
 ) -> Result<RewriteSummary> {
-    if let Some(share) = &store.meta().share {
-        let what = format!("this is share {} of a store, which is no complete tree", share.id);
+    if let Some(shard) = &store.meta().shard {
+        let what = format!("this is shard {} of a store, which is no complete tree", shard.id);
         return Err(Error::store(
             store.path(),
             "header",
             what,
-            "join all shares with `brickfield cache merge` first",
+            "join all shards with `brickfield cache merge` first",
         ));
     }
     options.check()?;

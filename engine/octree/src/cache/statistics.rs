@@ -107,7 +107,7 @@ pub struct FileBytes {
     pub per_active_voxel: Option<f64>,
 }
 
-/// Reads every record of a store, a share or an unfinished store.
+/// Reads every record of a store, a shard or an unfinished store.
 ///
 /// # Errors
 /// Records that are damaged; [`crate::error::Error::Interrupted`].

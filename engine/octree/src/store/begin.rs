@@ -225,8 +225,8 @@ fn require_same(part: &Path, theirs: &JournalHead, ours: &JournalHead) -> Result
 /// it: other widths of beads are another content of the input as well.
 fn difference(theirs: &JournalHead, ours: &JournalHead) -> Option<String> {
     let facts = |head: &JournalHead| {
-        let share = head.meta.share.as_ref().map_or("none".to_owned(), |share| share.id.to_string());
-        head.meta.facts().into_iter().chain([("share".to_owned(), share)]).collect::<SettingPairs>()
+        let shard = head.meta.shard.as_ref().map_or("none".to_owned(), |shard| shard.id.to_string());
+        head.meta.facts().into_iter().chain([("shard".to_owned(), shard)]).collect::<SettingPairs>()
     };
     let of_settings = other_value(&theirs.settings, &ours.settings);
     let (name, value, this) = of_settings.or_else(|| other_value(&facts(theirs), &facts(ours)))?;

@@ -196,9 +196,9 @@ fn index_of(
     meta: &Meta,
 ) -> std::result::Result<Index, StoreFault> {
     check_places(&entries, identity, records_end)?;
-    let index = match &meta.share {
+    let index = match &meta.shard {
         None => Index::new(entries, meta.depth),
-        Some(share) => Index::of_share(entries, meta.depth, share),
+        Some(shard) => Index::of_shard(entries, meta.depth, shard),
     };
     let index = index.map_err(|(key, what)| fault(format!("index entry of {key}"), what))?;
     match identity.iter().find(|entry| !may_list_beads(&index, meta, entry.key)) {
@@ -207,11 +207,11 @@ fn index_of(
     }
 }
 
-/// Whether the node is a leaf, or may become one when shares are joined.
+/// Whether the node is a leaf, or may become one when shards are joined.
 fn may_list_beads(index: &Index, meta: &Meta, key: NodeKey) -> bool {
-    match (index.get(key), &meta.share) {
+    match (index.get(key), &meta.shard) {
         (Some(node), _) => node.leaf,
-        (None, Some(share)) => share.found.joined && key.level() <= share.level && share.owns(key),
+        (None, Some(shard)) => shard.found.joined && key.level() <= shard.level && shard.owns(key),
         (None, None) => false,
     }
 }

@@ -1,7 +1,7 @@
-//! The index of a store in memory: sorted by key and known to be a complete octree, or the part of one that is in a share.
+//! The index of a store in memory: sorted by key and known to be a complete octree, or the part of one that is in a shard.
 
 use super::layout::IndexEntry;
-use super::share::Share;
+use super::shard::Shard;
 use crate::lattice::{MAX_LEVEL, NodeKey, Octant};
 
 /// Entries of a complete octree in key order, which is breadth first: the nodes of a level follow each other
@@ -48,9 +48,9 @@ impl Index {
         }
     }
 
-    /// Takes the entries of a share in key order; see [`Share::check_entries`].
-    pub fn of_share(entries: Vec<IndexEntry>, depth: u8, share: &Share) -> Result<Index, TreeError> {
-        share.check_entries(&entries, depth)?;
+    /// Takes the entries of a shard in key order; see [`Shard::check_entries`].
+    pub fn of_shard(entries: Vec<IndexEntry>, depth: u8, shard: &Shard) -> Result<Index, TreeError> {
+        shard.check_entries(&entries, depth)?;
         let levels = entries.last().map_or(1, |entry| entry.key.level() + 1);
         let start = |level| entries.partition_point(|entry| entry.key.level() < level);
         let level_starts = (0..=levels).map(start).collect();

@@ -76,7 +76,7 @@ pub enum Version {
     One,
     /// Beads as solids: the metadata has a part about them, and leaves may tell which beads they count.
     Two,
-    /// One of several shares of a store of version 1 or 2.
+    /// One of several shards of a store of version 1 or 2.
     Three,
 }
 

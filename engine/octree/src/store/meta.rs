@@ -7,7 +7,7 @@
 use super::identity::IdentityPlace;
 use super::layout::{FILE_ID_BYTES, FileId, META_BYTES_MAX, Version};
 use super::order::subtree_level;
-use super::share::{Share, ShareNumbers};
+use super::shard::{Shard, ShardNumbers};
 use super::volumes::SourceVolumes;
 use crate::brick::Count;
 use crate::lattice::{MAX_LEVEL, RootCube};
@@ -45,9 +45,9 @@ pub struct Meta {
     /// What is to be known of beads, if the samples count those. Version 2 of the format has it after all else.
     #[serde(skip)]
     pub beads: Option<BeadsMeta>,
-    /// Which share of a store the file is, if it is not a whole one. Version 3 of the format has it at the very end.
+    /// Which shard of a store the file is, if it is not a whole one. Version 3 of the format has it at the very end.
     #[serde(skip)]
-    pub share: Option<Share>,
+    pub shard: Option<Shard>,
     /// Volumes of the source, where it is closed; known at the end of a build only. An addition to the metadata.
     #[serde(skip)]
     pub volumes: Option<SourceVolumes>,
@@ -161,7 +161,7 @@ impl Meta {
             stddev: 0.0,
             tolerance: None,
             beads: None,
-            share: None,
+            shard: None,
             volumes: None,
             ..self.clone()
         }
@@ -184,8 +184,8 @@ impl Meta {
             passes: beads.passes.map(|_| 0),
             ..beads
         });
-        let share = self.share.clone().map(|share| Share { found: ShareNumbers::default(), ..share });
-        let meta = Meta { numbers: BuildCounts::default(), beads, share, volumes: None, ..self.clone() };
+        let shard = self.shard.clone().map(|shard| Shard { found: ShardNumbers::default(), ..shard });
+        let meta = Meta { numbers: BuildCounts::default(), beads, shard, volumes: None, ..self.clone() };
         // Serializing plain data into memory fails only at a limit, and none is set here.
         let bytes = meta.serialize(options()).unwrap_or_default();
         let mut id = [0; FILE_ID_BYTES];
@@ -193,8 +193,8 @@ impl Meta {
         id
     }
 
-    /// What two builds of the same store, or of shares of it, have in common, by name: all that is known when a build
-    /// begins, but for which share it is. Lists of the same names come first, so that the first difference of two
+    /// What two builds of the same store, or of shards of it, have in common, by name: all that is known when a build
+    /// begins, but for which shard it is. Lists of the same names come first, so that the first difference of two
     /// lists is one of values.
     pub fn facts(&self) -> Vec<(String, String)> {
         let mut facts = vec![("number of inputs".to_owned(), self.sources.len().to_string())];
@@ -209,13 +209,13 @@ impl Meta {
             );
         }
         fact("program", self.program.clone());
-        let share = self.share.as_ref();
-        fact("number of shares", share.map_or(1, |share| share.id.of).to_string());
+        let shard = self.shard.as_ref();
+        fact("number of shards", shard.map_or(1, |shard| shard.id.of).to_string());
         fact("depth", self.depth.to_string());
         fact("criterion", self.refine.to_string());
         fact("standard deviation", self.stddev.to_string());
         fact("tolerance", self.tolerance.map_or("none".to_owned(), |tolerance| tolerance.to_string()));
-        fact("error of samples", share.map_or("none".to_owned(), |share| share.gwn_error.to_string()));
+        fact("error of samples", shard.map_or("none".to_owned(), |shard| shard.gwn_error.to_string()));
         fact("unit", self.unit.clone());
         let beads = self.beads.as_ref();
         let count = beads.map_or("none".to_owned(), |beads| beads.count().to_string());
@@ -230,7 +230,7 @@ impl Meta {
 
     /// The lowest version of the format that holds this.
     pub(super) fn version(&self) -> Version {
-        match (&self.beads, &self.share) {
+        match (&self.beads, &self.shard) {
             (_, Some(_)) => Version::Three,
             (Some(_), None) => Version::Two,
             (None, None) => Version::One,
@@ -250,7 +250,7 @@ impl Meta {
     /// # Errors
     /// One phrase, if it is not a shard's, or too large.
     pub fn to_shard_bytes(&self) -> Result<Vec<u8>, String> {
-        if self.share.is_none() { Err("it is not a shard's".into()) } else { self.encode() }
+        if self.shard.is_none() { Err("it is not a shard's".into()) } else { self.encode() }
     }
 
     /// What [`Self::to_shard_bytes`] has made. Takes memory in proportion to `bytes`.
@@ -262,10 +262,10 @@ impl Meta {
     }
 
     fn serialize(&self, options: impl Options + Copy) -> bincode::Result<Vec<u8>> {
-        let mut bytes = match (&self.beads, &self.share) {
+        let mut bytes = match (&self.beads, &self.shard) {
             (None, None) => options.serialize(self),
             (Some(beads), None) => options.serialize(&(self, beads)),
-            (beads, Some(share)) => options.serialize(&(self, beads, share)),
+            (beads, Some(shard)) => options.serialize(&(self, beads, shard)),
         }?;
         let passes = self.beads.as_ref().and_then(|beads| beads.passes);
         let volumes = self.volumes.clone().map(MetaExtension::Volumes);
@@ -306,8 +306,8 @@ impl Meta {
                 .deserialize(bytes)
                 .map(|(meta, beads): (Meta, BeadsMeta)| Meta { beads: Some(beads), ..meta }),
             Version::Three => {
-                options.deserialize(bytes).map(|(meta, beads, share): (Meta, Option<BeadsMeta>, Share)| {
-                    Meta { beads, share: Some(share), ..meta }
+                options.deserialize(bytes).map(|(meta, beads, shard): (Meta, Option<BeadsMeta>, Shard)| {
+                    Meta { beads, shard: Some(shard), ..meta }
                 })
             }
         };
@@ -342,7 +342,7 @@ impl Meta {
         if self.volumes.as_ref().is_some_and(|volumes| !volumes.is_sound()) {
             return Err("a volume is not a number".into());
         }
-        self.share.as_ref().map_or(Ok(()), |share| share.check(self.depth))
+        self.shard.as_ref().map_or(Ok(()), |shard| shard.check(self.depth))
     }
 }
 

@@ -50,9 +50,9 @@ pub enum AcceptedStores {
     /// Whole stores: complete trees.
     #[default]
     Whole,
-    /// Shares of stores too; see [`Meta::share`].
-    Shares,
-    /// Shares, and stores and shares whose building has not ended; see [`Store::is_unfinished`].
+    /// Shards of stores too; see [`Meta::shard`].
+    Shards,
+    /// Shards, and stores and shards whose building has not ended; see [`Store::is_unfinished`].
     Unfinished,
 }
 
@@ -87,19 +87,19 @@ impl Store {
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read, [`Error::Store`] if it is not a sound store of this version, or one
-    /// share of a store, which is no complete tree.
+    /// shard of a store, which is no complete tree.
     pub fn open(path: &Path, cache_bytes: u64) -> Result<Store> {
         Store::open_with(path, StoreOptions { cache_bytes, ..StoreOptions::default() })
     }
 
-    /// As [`Store::open`], but opens a share of a store as well; see [`Meta::share`].
+    /// As [`Store::open`], but opens a shard of a store as well; see [`Meta::shard`].
     ///
     /// # Errors
     /// As [`Store::open`].
     pub fn open_any(path: &Path, cache_bytes: u64) -> Result<Store> {
         Store::open_with(
             path,
-            StoreOptions { cache_bytes, accept: AcceptedStores::Shares, ..StoreOptions::default() },
+            StoreOptions { cache_bytes, accept: AcceptedStores::Shards, ..StoreOptions::default() },
         )
     }
 
@@ -128,10 +128,10 @@ impl Store {
                 "give the command that builds it again: it goes on",
             ));
         }
-        match &store.meta.share {
-            Some(share) if accept < AcceptedStores::Shares => {
-                let what = format!("this is share {} of a store", share.id);
-                let remedy = "join all shares with `brickfield cache merge`";
+        match &store.meta.shard {
+            Some(shard) if accept < AcceptedStores::Shards => {
+                let what = format!("this is shard {} of a store", shard.id);
+                let remedy = "join all shards with `brickfield cache merge`";
                 Err(Error::store(path, "header", what, remedy))
             }
             _ => Ok(store),

@@ -2,7 +2,7 @@
 
 use super::{
     BeadRow, BeadSegment, BeadTables, BeadsMeta, BrickTree, BuildCounts, Compression, IdentityPlace,
-    MemoryTree, Meta, Refine, Scratch, SectionRow, Share, ShareId, ShareNumbers, Source, StoreWriter,
+    MemoryTree, Meta, Refine, Scratch, SectionRow, Shard, ShardId, ShardNumbers, Source, StoreWriter,
     cells_of, encode_segments, encode_with,
 };
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
@@ -30,7 +30,7 @@ pub fn meta(depth: u8) -> Meta {
         tolerance: None,
         numbers: BuildCounts { facets: 24, degenerate_facets: 0, nodes_per_level: vec![1, 8, 8] },
         beads: None,
-        share: None,
+        shard: None,
         volumes: None,
     }
 }
@@ -238,28 +238,28 @@ pub fn write_beads(path: &Path) {
     writer.finish(meta_of_beads()).expect("a complete tree");
 }
 
-/// Metadata of the first of two shares of the small tree as one of beads: five of the root's children, the fourth of
+/// Metadata of the first of two shards of the small tree as one of beads: five of the root's children, the fourth of
 /// which is empty.
-pub fn meta_of_share() -> Meta {
+pub fn meta_of_shard() -> Meta {
     let found =
-        ShareNumbers { pieces: 0x0123_4567_89ab_cdef, joined: true, cells: (0, 5), empty: vec![(3, 0)] };
-    let share = Share { id: ShareId { number: 1, of: 2 }, level: 1, gwn_error: 1e-3, found };
-    Meta { share: Some(share), ..meta_of_beads() }
+        ShardNumbers { pieces: 0x0123_4567_89ab_cdef, joined: true, cells: (0, 5), empty: vec![(3, 0)] };
+    let shard = Shard { id: ShardId { number: 1, of: 2 }, level: 1, gwn_error: 1e-3, found };
+    Meta { shard: Some(shard), ..meta_of_beads() }
 }
 
 /// The nodes of that share, in key order.
-pub fn nodes_of_share() -> Vec<(NodeKey, bool)> {
+pub fn nodes_of_shard() -> Vec<(NodeKey, bool)> {
     let cell = |key: NodeKey| cells_of(key, 1).start;
     let is_there = |key: NodeKey| key.level() > 0 && cell(key) < 5 && cell(key) != 3;
     nodes().into_iter().filter(|(key, _)| is_there(*key)).collect()
 }
 
 /// Writes that share.
-pub fn write_share(path: &Path) {
-    let mut writer = StoreWriter::create(path, &meta_of_share()).expect("a writable directory");
-    for (key, leaf) in nodes_of_share() {
+pub fn write_shard(path: &Path) {
+    let mut writer = StoreWriter::create(path, &meta_of_shard()).expect("a writable directory");
+    for (key, leaf) in nodes_of_shard() {
         writer.append_brick(key, leaf, &brick_at(key, leaf)).expect("room on the disk");
     }
     append_lists(&mut writer);
-    writer.finish(meta_of_share()).expect("the nodes of the share");
+    writer.finish(meta_of_shard()).expect("the nodes of the shard");
 }

@@ -1,8 +1,8 @@
 use super::layout::*;
 use super::testing::{
-    brick_at, fractions, lists, lists_of_passes, meta, meta_of_share, nodes, nodes_of_share, tables,
+    brick_at, fractions, lists, lists_of_passes, meta, meta_of_shard, nodes, nodes_of_shard, tables,
     tables_of_passes, tree, write, write_beads, write_fractions, write_passes, write_range,
-    write_range_fractions, write_share,
+    write_range_fractions, write_shard,
 };
 use super::*;
 use crate::brick::Brick;
@@ -414,7 +414,7 @@ const WRITTEN_NOW: [Golden; 7] = [
     ("v1", "fractions-range.brf", write_range_fractions),
     ("v2", "beads-palette.brf", write_beads),
     ("v2", "passes-palette.brf", write_passes),
-    ("v3", "share-palette.brf", write_share),
+    ("v3", "shard-palette.brf", write_shard),
 ];
 
 #[test]
@@ -478,15 +478,15 @@ fn golden_files_of_passes_are_read() {
 }
 
 #[test]
-fn golden_shares_are_read_and_are_no_stores() {
-    for name in ["share.brf", "share-palette.brf"] {
+fn golden_shards_are_read_and_are_no_stores() {
+    for name in ["shard.brf", "shard-palette.brf"] {
         let path = golden_path("v3", name);
         let refused = Store::open(&path, 0).err().unwrap().to_string();
-        assert!(refused.contains("share 1 of 2") && refused.contains("cache merge"), "{refused}");
+        assert!(refused.contains("shard 1 of 2") && refused.contains("cache merge"), "{refused}");
         let store = Store::open_any(&path, CACHE_BYTES).unwrap();
-        assert_eq!(store.meta().share, meta_of_share().share);
-        assert_eq!(store.keys(), nodes_of_share().iter().map(|(key, _)| *key).collect::<Vec<_>>());
-        for (key, leaf) in nodes_of_share() {
+        assert_eq!(store.meta().shard, meta_of_shard().shard);
+        assert_eq!(store.keys(), nodes_of_shard().iter().map(|(key, _)| *key).collect::<Vec<_>>());
+        for (key, leaf) in nodes_of_shard() {
             assert!(
                 *store.brick(key).unwrap() == brick_at(key, leaf) && store.node(key).unwrap().leaf == leaf
             );

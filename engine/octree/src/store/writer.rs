@@ -311,7 +311,7 @@ impl StoreWriter {
     ///
     /// # Errors
     /// [`Error::Io`] if writing fails, [`Error::Store`] if the nodes are not one complete octree, or not those that a
-    /// share says it holds, or the metadata is another store's. The final name is untouched then.
+    /// shard says it holds, or the metadata is another store's. The final name is untouched then.
     pub fn finish(mut self, mut meta: Meta) -> Result<Stats> {
         self.check_usable()?;
         if meta.file_id() != self.file_id {
@@ -324,9 +324,9 @@ impl StoreWriter {
         }
         let mut entries = std::mem::take(&mut self.entries);
         entries.sort_unstable_by_key(|entry| entry.key);
-        let index = match &meta.share {
+        let index = match &meta.shard {
             None => Index::new(entries, meta.depth),
-            Some(share) => Index::of_share(entries, meta.depth, share),
+            Some(shard) => Index::of_shard(entries, meta.depth, shard),
         };
         let index = index.map_err(|(key, what)| self.unfit(format!("record {key}"), what))?;
         meta.numbers.nodes_per_level = index.nodes_per_level();

@@ -1,4 +1,4 @@
-//! `brickfield cache merge`: one store from the shares of several runs.
+//! `brickfield cache merge`: one store from the shards of several runs.
 
 use crate::cache_args::MergeArgs;
 use crate::commands::start;
@@ -23,17 +23,17 @@ struct Report {
     seconds: f64,
 }
 
-/// Joins shares. One thread keeps up with any disk.
+/// Joins shards. One thread keeps up with any disk.
 pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     let started = Instant::now();
     let bars = start(WorkArgs { threads: Some(1), quiet: args.quiet, progress: args.progress })?;
-    let shares: Vec<&Path> = args.shares.iter().map(PathBuf::as_path).collect();
+    let shards: Vec<&Path> = args.shards.iter().map(PathBuf::as_path).collect();
     require_store_name(&args.output, false)?;
-    require_distinct(&[&args.output], &shares)?;
-    for share in shares.iter().filter(|share| !is_store(share)) {
-        Store::open_any(share, 0).map_err(|error| not_a_store(share, error, None))?;
+    require_distinct(&[&args.output], &shards)?;
+    for shard in shards.iter().filter(|shard| !is_store(shard)) {
+        Store::open_any(shard, 0).map_err(|error| not_a_store(shard, error, None))?;
     }
-    let summary = merge(&args.shares, &args.output, &bars)?;
+    let summary = merge(&args.shards, &args.output, &bars)?;
     bars.clear();
     let seconds = started.elapsed().as_secs_f64();
     let output = args.output.display().to_string();
@@ -43,8 +43,8 @@ pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     if args.quiet {
         return Ok(());
     }
-    let MergeSummary { shares, nodes, leaves, file_bytes } = summary;
+    let MergeSummary { shards, nodes, leaves, file_bytes } = summary;
     let kept = format!("{nodes} nodes, {leaves} leaves, {}", Size(file_bytes));
     let output = one_line(&output);
-    print(&format!("{output}: {kept}, joined from {shares} shares in {seconds:.2} s"))
+    print(&format!("{output}: {kept}, joined from {shards} shards in {seconds:.2} s"))
 }

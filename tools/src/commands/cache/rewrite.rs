@@ -25,13 +25,13 @@ struct Report {
 
 /// `cache compact`.
 pub fn compact(args: &CompactArgs) -> Result<(), Failure> {
-    run(&args.output, AcceptedStores::Shares, |store, output, bars| cache::compact(store, output, bars))
+    run(&args.output, AcceptedStores::Shards, |store, output, bars| cache::compact(store, output, bars))
 }
 
 /// `cache repack`.
 pub fn repack(args: &RepackArgs) -> Result<(), Failure> {
     let compression = args.compression.into();
-    run(&args.output, AcceptedStores::Shares, |store, output, bars| {
+    run(&args.output, AcceptedStores::Shards, |store, output, bars| {
         cache::repack(store, output, compression, bars)
     })
 }

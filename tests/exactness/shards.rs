@@ -1,10 +1,10 @@
-//! Shares of random piles, each built with other threads and another bound of memory, joined, against one build.
+//! Shards of random piles, each built with other threads and another bound of memory, joined, against one build.
 
 use crate::scene::pile_as_stl;
 use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::build::{BuildOptions, Resolution, Resources, ThinDepth, build, merge};
-use brickfield_engine::store::{Refine, ShareId, Store};
+use brickfield_engine::store::{Refine, ShardId, Store};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(part_or_all(8, 24)))]
 
     #[test]
-    fn joined_shares_are_one_build(
+    fn joined_shards_are_one_build(
         seed in any::<u64>(),
         pieces in 1usize..12,
         is_open in prop::bool::weighted(0.2),
@@ -44,10 +44,10 @@ proptest! {
             ..BuildOptions::default()
         };
         build_on(2, &input, &whole, &options);
-        let mut shares: Vec<PathBuf> = Vec::new();
+        let mut shards: Vec<PathBuf> = Vec::new();
         let mut next = 0;
         for number in 1..=of {
-            let path = dir.path().join(format!("share {number}"));
+            let path = dir.path().join(format!("shard {number}"));
             // So little that every leaf is a job of its own.
             let memory = match (little, is_open) {
                 (true, false) => 1 << 16,
@@ -56,17 +56,17 @@ proptest! {
                 _ => Resources::default().memory,
             };
             let resources = Resources { memory, ..Resources::default() };
-            let options = BuildOptions { share: ShareId::new(number, of), resources, ..options.clone() };
+            let options = BuildOptions { shard: ShardId::new(number, of), resources, ..options.clone() };
             build_on(number as usize % 3 + 1, &input, &path, &options);
-            let share = Store::open_any(&path, 0).unwrap().meta().share.clone().unwrap();
-            prop_assert_eq!(share.cells().start, next);
-            next = share.cells().end;
-            shares.insert(seed as usize % (shares.len() + 1), path);
+            let shard = Store::open_any(&path, 0).unwrap().meta().shard.clone().unwrap();
+            prop_assert_eq!(shard.cells().start, next);
+            next = shard.cells().end;
+            shards.insert(seed as usize % (shards.len() + 1), path);
         }
-        let summary = merge(&shares, &joined, &Silent).unwrap_or_else(|e| panic!("{e}"));
-        prop_assert_eq!(summary.shares, of);
+        let summary = merge(&shards, &joined, &Silent).unwrap_or_else(|e| panic!("{e}"));
+        prop_assert_eq!(summary.shards, of);
         prop_assert!(std::fs::read(&joined).unwrap() == std::fs::read(&whole).unwrap());
-        // Shares stay, nothing else is left.
+        // Shards stay, nothing else is left.
         prop_assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3 + of as usize);
     }
 }
