@@ -175,10 +175,14 @@ impl Lattice {
         let [agreeing, others] = [0, 1].map(|n| self.agreeing[n] + of_all(n));
         let known = agreeing + others;
         if known >= TELLING && (agreeing as f64) < HOPELESS * known as f64 {
-            self.is_rounded = true;
-            self.open_sharp.clear();
-            self.sharp.clear();
+            self.round();
         }
+    }
+
+    fn round(&mut self) {
+        self.is_rounded = true;
+        self.open_sharp.clear();
+        self.sharp.clear();
     }
 
     /// Gives samples that are the part's their sides, of a brick and its apron.
@@ -372,15 +376,20 @@ pub fn fractions(
     let last = order.keys().len().saturating_sub(1);
     visit(tree, order.keys(), progress, make, |number, blocks: Vec<(Option<SumBox>, LeafPlanes)>| {
         let code = if number == last { u64::MAX } else { order.keys()[number].post_order().0 };
+        let mut is_hopeless = false;
         for (n, (lattice, (block, planes))) in lattices.iter_mut().zip(blocks).enumerate() {
             if !lattice.is_rounded {
                 sharp::add(planes, &mut lattice.open_sharp);
             }
             block.iter().for_each(|block| lattice.add(block, (finest, factors[n])));
             lattice.complete(code);
-            if number.is_power_of_two() && !lattice.is_rounded {
+            // Planes that do not agree within cells do so even less within larger ones, which have fewer samples to tell.
+            if is_hopeless && !lattice.is_rounded {
+                lattice.round();
+            } else if number.is_power_of_two() && !lattice.is_rounded {
                 lattice.round_if_hopeless();
             }
+            is_hopeless = lattice.is_rounded;
             rounded[n].store(lattice.is_rounded, Ordering::Relaxed);
         }
         if (number.is_multiple_of(64) || number == last)

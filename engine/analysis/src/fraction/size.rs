@@ -17,8 +17,8 @@ const AIM: f64 = 0.96;
 /// Each detail that is tried is larger than the one before by this.
 const STEP: f64 = 1.16;
 /// Factors are multiples of no more than this part of the smallest.
-const FINEST_STEP: u32 = 8;
-/// How far down details are tried in one reading of the leaves.
+const FINEST_STEP: u32 = 4;
+/// How far down details are tried in one reading of the leaves, and how far up in the first.
 const REACH: f64 = 2.2;
 /// The largest tolerance in coarse cells: beyond it a coarser lattice is nearer to the part for as many triangles.
 const MOST_TOLERANCE: f64 = 0.3;
@@ -103,13 +103,13 @@ fn first_lattice(
     progress: &dyn Progress,
 ) -> Result<(Lattice, Vec<Lattice>)> {
     // No surface has more triangles than its square would: what is averaged away only makes it smaller.
-    let mut largest = (request.of_all as f64 / request.most as f64).sqrt().max(1.0);
+    let likely = (request.of_all as f64 / request.most as f64).sqrt().max(1.0);
     let most = most_factor(tree);
+    let (mut from, mut to) = (likely.min(most) / REACH, (likely * REACH).min(most));
     let mut coarser: Vec<Lattice> = Vec::new();
     let mut is_known_above = false;
     loop {
-        largest = largest.min(most);
-        let factors = factors(largest);
+        let factors = factors(from, to);
         let mut lattices = fractions(tree, &factors, request.memory, progress)?;
         let has_enough = |lattice: &Lattice| {
             let depth = depth_of(lattice, request.volume.unwrap_or(lattice.volume()));
@@ -118,10 +118,10 @@ fn first_lattice(
         // From the coarsest on.
         let found = (0..lattices.len()).rev().find(|&n| has_enough(&lattices[n]));
         match found {
-            Some(n) if n + 1 == lattices.len() && !is_known_above && largest < most => {
+            Some(n) if n + 1 == lattices.len() && !is_known_above && to < most => {
                 // The coarsest of them may be too fine.
-                largest = (largest * REACH).min(most);
-                is_known_above = largest >= most;
+                (from, to) = (to, (to * REACH).min(most));
+                is_known_above = to >= most;
             }
             Some(n) => {
                 let mut rest = lattices.split_off(n + 1);
@@ -137,7 +137,8 @@ fn first_lattice(
             }
             None => {
                 is_known_above = true;
-                largest = f64::from(factors[0]) / STEP;
+                to = f64::from(factors[0]) / STEP;
+                from = to / REACH;
                 lattices.reverse();
                 lattices.truncate(4);
                 coarser.append(&mut lattices);
@@ -146,12 +147,13 @@ fn first_lattice(
     }
 }
 
-/// Factors up to one, the smallest first. They are multiples of a power of two, so that the leaves are summed once for all.
-fn factors(largest: f64) -> Vec<u32> {
+/// Factors from one to another, the smallest first. They are multiples of a power of two, so that the leaves are summed once
+/// for all.
+fn factors(from: f64, to: f64) -> Vec<u32> {
     let mut factors: Vec<u32> = Vec::new();
-    let mut factor = largest / REACH;
-    let unit = [8u32, 4, 2].into_iter().find(|&unit| factor >= f64::from(FINEST_STEP * unit)).unwrap_or(1);
-    while factor < largest * 1.0001 {
+    let mut factor = from;
+    let unit = [8u32, 4, 2].into_iter().find(|&unit| from >= f64::from(FINEST_STEP * unit)).unwrap_or(1);
+    while factor < to * 1.0001 {
         factors.push(((factor / f64::from(unit)).round() as u32).max(1) * unit);
         factor *= STEP;
     }
