@@ -282,17 +282,20 @@ def opened(steps, pile):
 
 
 def shards(steps, pile, store):
-    """Eight shards one after another, joined."""
+    """A plan, and eight shards of it one after another, joined."""
     if not steps.wanted("shards"):
         return
+    plan = steps.path("part.plan")
+    steps.run("build --plan", "build", pile, "--depth", steps.options.depth, "--plan", "--memory", steps.options.memory,
+              "-q", "-o", plan, output=plan)
     parts = [steps.path(f"part-{i}.brf") for i in range(1, 9)]
     for i, part in enumerate(parts, 1):
-        steps.run(f"build --shard {i}/8", "build", pile, "--depth", steps.options.depth, "--shard", f"{i}/8", "--memory",
-                  steps.options.memory, "-q", "-o", part, output=part)
+        steps.run(f"build --shard {i}/8", "build", plan, "--shard", f"{i}/8", "--memory", steps.options.memory, "-q", "-o",
+                  part, output=part)
     out = steps.path("merged.brf")
     steps.run("cache merge", "cache", "merge", *parts, "-q", "-o", out, output=out)
     steps.must(out.exists() and digest(out) == digest(store), "the joined shards are not the store")
-    for path in [out, *parts]:
+    for path in [plan, out, *parts]:
         path.unlink(missing_ok=True)
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Builds in shards on Dask and Ray, with a worker killed midway; needs dask, distributed and ray beside the package.
 
-    python tools/python/tests/engines.py INPUT [--depth 5] [--shards 8] [--kill]
+    python tools/python/tests/engines.py INPUT [--depth 5] [--shards 8] [--kill] [--plan]
 
 Compares the stores with one build, byte by byte, and prints seconds. Engines that are not installed are named.
 """
@@ -50,7 +50,8 @@ def checked(engine, expected, args, folder, client, parents):
     if args.kill and parents is not None:
         threading.Thread(target=kill_one, args=(parents, out.name), daemon=True).start()
     begun, steps = time.time(), []
-    build(args.input, out, client=client, shards=args.shards, depth=args.depth, progress=lambda *n: steps.append(n))
+    build(args.input, out, client=client, shards=args.shards, depth=args.depth, plan=args.plan,
+          progress=lambda *n: steps.append(n))
     same = hash_of(out) == expected and steps[-1] == (args.shards, args.shards)
     print(f"{engine}: {time.time() - begun:.1f} s, {'the bytes of one build' if same else 'OTHER BYTES'}")
     return same
@@ -109,6 +110,7 @@ def main():
     parser.add_argument("--depth", type=int, default=4)
     parser.add_argument("--shards", type=int, default=8)
     parser.add_argument("--kill", action="store_true")
+    parser.add_argument("--plan", action="store_true", help="read the input once; of closed meshes")
     args = parser.parse_args()
     good = True
     with tempfile.TemporaryDirectory() as name:

@@ -207,6 +207,19 @@ class Shards(unittest.TestCase):
             self.assertEqual(out.read_bytes(), (folder / "one.brf").read_bytes())
             self.assertFalse(place.exists())
 
+    def test_a_plan_is_made_once(self) -> None:
+        with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
+            folder = Path(name)
+            build = brickfield.distributed.build
+            source, out = folder / "a.obj", folder / "a.brf"
+            source.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+            brickfield.run("build", source, "-o", folder / "one.brf", "--depth", "3")
+            build(source, out, client=pool, shards=3, depth=3, memory="1GiB", plan=True)
+            self.assertEqual(out.read_bytes(), (folder / "one.brf").read_bytes())
+            source.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\n")
+            with self.assertRaisesRegex(brickfield.Error, "the plan: .*the surface is open"):
+                build(source, out, client=pool, shards=3, depth=3, plan=True)
+
 
 class Memory(unittest.TestCase):
     def test_a_thousand_builds_leak_nothing(self) -> None:

@@ -5,7 +5,7 @@ pub(super) const BEFORE: i64 = 2;
 
 /// The largest whole number that is no larger, where it fits. Without the wide vectors of today `f64::floor` is a call.
 #[inline]
-fn floor(at: f64) -> i64 {
+pub(super) fn floor(at: f64) -> i64 {
     let cut = at as i64;
     cut - i64::from(at < cut as f64)
 }

@@ -19,6 +19,8 @@ pub(super) const FULL: u16 = u16::MAX;
 const LEAST_AGREEING: f64 = 0.5;
 /// Where planes agree at a smaller share than this of the first samples, they are not looked for any more.
 const HOPELESS: f64 = 0.4;
+/// After so many leaves they are asked again.
+const CHECKED: usize = 256;
 /// So many samples tell that.
 const TELLING: u64 = 20_000;
 /// Sums that are as near to none or all as this are that, and rounding.
@@ -386,7 +388,7 @@ pub fn fractions(
             // Planes that do not agree within cells do so even less within larger ones, which have fewer samples to tell.
             if is_hopeless && !lattice.is_rounded {
                 lattice.round();
-            } else if number.is_power_of_two() && !lattice.is_rounded {
+            } else if number.is_multiple_of(CHECKED) && !lattice.is_rounded {
                 lattice.round_if_hopeless();
             }
             is_hopeless = lattice.is_rounded;

@@ -1,7 +1,7 @@
 //! Where the crossings of the fine level around a coarse sample agree on a few planes: there its side and its crossings are
 //! those of the part, so that edges of the part stay sharp.
 
-use super::kernel::BEFORE;
+use super::kernel::{BEFORE, floor};
 use super::leaf::Plan;
 use crate::brick::{Brick, Hermite, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey, dot};
@@ -140,7 +140,7 @@ impl LeafPlanes {
                 let mut at: [f64; 3] = std::array::from_fn(|n| plan.base[n] + from[n] as f64 * plan.step);
                 at[a] += edge.fraction() * plan.step;
                 let normal = edge.normal.to_vector();
-                let first = at.map(|c| c.floor() as i64);
+                let first = at.map(floor);
                 for corner in 0..8 {
                     let sample: [i64; 3] = std::array::from_fn(|n| first[n] + (corner >> n & 1));
                     let [x, y, z] = [0, 1, 2].map(|n| (sample[n] - plan.first[n]) as usize);

@@ -15,7 +15,7 @@ const SURE_SHARE: f64 = 0.95;
 /// The share that is aimed at.
 const AIM: f64 = 0.96;
 /// Each detail that is tried is larger than the one before by this.
-const STEP: f64 = 1.16;
+const STEP: f64 = 1.1;
 /// Factors are multiples of no more than this part of the smallest.
 const FINEST_STEP: u32 = 4;
 /// How far down details are tried in one reading of the leaves, and how far up in the first.
