@@ -131,6 +131,8 @@ impl LeafPlanes {
     ) {
         let size = plan.size;
         let mut around = vec![AgreeingPlanes::default(); size.iter().product()];
+        // By the first of their samples, coarse cells none of whose samples has planes that agree: of beads soon all.
+        let mut spent = vec![false; around.len()];
         for axis in Axis::ALL {
             let a = axis.index();
             signs.for_crossings(axis, hermite, |from, edge| {
@@ -139,15 +141,24 @@ impl LeafPlanes {
                 }
                 let mut at: [f64; 3] = std::array::from_fn(|n| plan.base[n] + from[n] as f64 * plan.step);
                 at[a] += edge.fraction() * plan.step;
-                let normal = edge.normal.to_vector();
                 let first = at.map(floor);
-                for corner in 0..8 {
-                    let sample: [i64; 3] = std::array::from_fn(|n| first[n] + (corner >> n & 1));
-                    let [x, y, z] = [0, 1, 2].map(|n| (sample[n] - plan.first[n]) as usize);
-                    let planes = &mut around[(z * size[1] + y) * size[0] + x];
-                    // Leaves of larger cells have no sample at every coarse one.
-                    planes.disagree |= fine > 1;
-                    planes.add(normal, std::array::from_fn(|n| at[n] - sample[n] as f64));
+                let place = |[x, y, z]: [i64; 3]| {
+                    let [x, y, z] =
+                        [x - plan.first[0], y - plan.first[1], z - plan.first[2]].map(|c| c as usize);
+                    (z * size[1] + y) * size[0] + x
+                };
+                let cell = place(first);
+                if !spent[cell] {
+                    let normal = edge.normal.to_vector();
+                    spent[cell] = true;
+                    for corner in 0..8 {
+                        let sample: [i64; 3] = std::array::from_fn(|n| first[n] + (corner >> n & 1));
+                        let planes = &mut around[place(sample)];
+                        // Leaves of larger cells have no sample at every coarse one.
+                        planes.disagree |= fine > 1;
+                        planes.add(normal, std::array::from_fn(|n| at[n] - sample[n] as f64));
+                        spent[cell] &= planes.disagree;
+                    }
                 }
                 let begin: [usize; 3] = std::array::from_fn(|n| begins[n] + from[n]);
                 let [u, v] = axis.others_in_order().map(Axis::index);

@@ -14,15 +14,17 @@ use std::path::Path;
 
 /// Deepest level at which bricks are told apart: 2 million bits.
 const FINEST: u8 = 7;
-/// Stored bytes for each brick that pieces touch. Measured on toolpaths at 1.2, 2.4 and 4.7 cells a layer: 3,100, 2,350 and
-/// 1,700; on piles of triangles as much.
+/// Stored bytes for each brick that facets touch: 1,700 to 3,100 of piles.
 const BYTES_A_BRICK: f64 = 2500.0;
+/// Stored bytes for each square cell of the beads' own surfaces. Measured on six toolpaths at three depths each: 0.5 to 2.4; the
+/// better beads fill what lies between them, the fewer.
+const BYTES_A_SQUARE: f64 = 1.0;
 /// Seconds of one thread for such a brick. Measured on the same: 0.9, 0.7 and 0.5 ms.
 const SECONDS_A_BRICK: f64 = 0.6e-3;
 /// Memory of the index for each node, of which there are 8 for 7 leaves.
 const INDEX_BYTES_A_BRICK: f64 = 32.0 * 8.0 / 7.0;
-/// A refused build would take so many times what there is at least: estimates are off by less.
-const CERTAIN: f64 = 2.0;
+/// A refused build would take so many times what there is at least: estimates are too large by less.
+const CERTAIN: f64 = 2.5;
 /// The same of memory, whose bound the user may have set low on purpose to go on with more later.
 const CERTAIN_OF_MEMORY: f64 = 8.0;
 /// Nobody waits longer, in seconds.
@@ -63,7 +65,11 @@ pub(super) fn foresee(
             if let Some(text) = sizes.as_ref().and_then(|sizes| coarse(cell, sizes)) {
                 progress.warn(&text);
             }
-            let cost = |level: u8| Cost::of(bricks_of_beads(paths, root, level), options);
+            let area = surface_of_beads(paths);
+            let cost = |level: u8| {
+                let bytes = BYTES_A_SQUARE * area / root.spacing(level).powi(2);
+                Cost::of(bricks_of_beads(paths, root, level), Some(bytes), options)
+            };
             let expected = cost(depth);
             progress.note(&expected.text(cell, unit));
             limits.require(&expected, &cost, (root, depth), unit)
@@ -71,7 +77,7 @@ pub(super) fn foresee(
         ForecastInput::Facets(inputs) => {
             let follows =
                 options.refine == Refine::Hidden && options.stddev == 0.0 && options.tolerance == 0.0;
-            let all = Cost::of(bricks_of_box(size, root, depth), options);
+            let all = Cost::of(bricks_of_box(size, root, depth), None, options);
             // The area is asked for only where it can matter.
             if !follows || limits.exceeded(&all).is_none() {
                 return Ok(());
@@ -83,7 +89,7 @@ pub(super) fn foresee(
             }
             let cost = |level: u8| {
                 let of_area = 1.5 * area / (root.spacing(level) * BRICK_CELLS as f64).powi(2);
-                Cost::of(of_area.min(bricks_of_box(size, root, level)), options)
+                Cost::of(of_area.min(bricks_of_box(size, root, level)), None, options)
             };
             limits.require(&cost(depth), &cost, (root, depth), unit)
         }
@@ -99,11 +105,13 @@ struct Cost {
 }
 
 impl Cost {
-    fn of(bricks: f64, options: &BuildOptions) -> Cost {
+    /// Of so many bricks with so many bytes, if these are not known by the bricks.
+    fn of(bricks: f64, bytes: Option<f64>, options: &BuildOptions) -> Cost {
         let shards = options.shard.map_or(1.0, |shard| f64::from(shard.of));
+        let bytes = bytes.unwrap_or(bricks * BYTES_A_BRICK) / shards;
         let (bricks, threads) = (bricks / shards, rayon::current_num_threads());
         let seconds = bricks * SECONDS_A_BRICK / threads as f64;
-        Cost { bricks, bytes: bricks * BYTES_A_BRICK, seconds, threads }
+        Cost { bricks, bytes, seconds, threads }
     }
 
     fn text(&self, cell: f64, unit: &str) -> String {
@@ -181,6 +189,20 @@ impl Limits {
 fn bricks_of_box(size: [f64; 3], root: RootCube, level: u8) -> f64 {
     let brick = root.spacing(level) * BRICK_CELLS as f64;
     size.iter().map(|side| (side / brick).floor() + 1.0).product()
+}
+
+/// The area of the sides of all beads, as if they were boxes and alone, in the square of their unit.
+fn surface_of_beads(paths: &[&Toolpath]) -> f64 {
+    let of_segment = |path: &Toolpath, bead: usize, number: usize, ends: &[[f64; 3]]| {
+        let section = path.section(bead, number);
+        let length = (0..3).map(|a| (ends[1][a] - ends[0][a]).powi(2)).sum::<f64>().sqrt();
+        2.0 * (section.width + section.height) * length
+    };
+    let of_bead = |path: &Toolpath, bead: usize| {
+        let segments = path.points(bead).windows(2).enumerate();
+        segments.map(|(number, ends)| of_segment(path, bead, number, ends)).sum::<f64>()
+    };
+    paths.iter().flat_map(|path| (0..path.len()).map(move |bead| of_bead(path, bead))).sum()
 }
 
 /// Bricks of a level that beads touch: those of level 7 at most that hold a place on a bead, each with all that are in it,
