@@ -130,39 +130,43 @@ impl LeafPlanes {
         hermite: &Hermite,
     ) {
         let size = plan.size;
+        let strides = [1, size[0], size[0] * size[1]];
         let mut around = vec![AgreeingPlanes::default(); size.iter().product()];
         // By the first of their samples, coarse cells none of whose samples has planes that agree: of beads soon all.
         let mut spent = vec![false; around.len()];
+        // Of each line of samples the coarse cell that it is in, from the first of the plan, and whether it is a coarse line.
+        let lines: [[(usize, bool); BRICK_CELLS]; 3] = std::array::from_fn(|n| {
+            std::array::from_fn(|i| {
+                let cell = floor(plan.base[n] + i as f64 * plan.step) - plan.first[n];
+                (cell as usize * strides[n], fine == 1 && (begins[n] + i).is_multiple_of(factor))
+            })
+        });
         for axis in Axis::ALL {
             let a = axis.index();
+            let [u, v] = axis.others_in_order().map(Axis::index);
             signs.for_crossings(axis, hermite, |from, edge| {
                 if from.iter().any(|&c| c >= BRICK_CELLS) {
                     return;
                 }
-                let mut at: [f64; 3] = std::array::from_fn(|n| plan.base[n] + from[n] as f64 * plan.step);
-                at[a] += edge.fraction() * plan.step;
-                let first = at.map(floor);
-                let place = |[x, y, z]: [i64; 3]| {
-                    let [x, y, z] =
-                        [x - plan.first[0], y - plan.first[1], z - plan.first[2]].map(|c| c as usize);
-                    (z * size[1] + y) * size[0] + x
-                };
-                let cell = place(first);
+                let ((of_u, u_is_coarse), (of_v, v_is_coarse)) = (lines[u][from[u]], lines[v][from[v]]);
+                let along = plan.base[a] + (from[a] as f64 + edge.fraction()) * plan.step;
+                let cell = (floor(along) - plan.first[a]) as usize * strides[a] + of_u + of_v;
                 if !spent[cell] {
-                    let normal = edge.normal.to_vector();
+                    let mut at: [f64; 3] = std::array::from_fn(|n| plan.base[n] + from[n] as f64 * plan.step);
+                    at[a] = along;
+                    let (within, normal) = (at.map(|c| c - floor(c) as f64), edge.normal.to_vector());
                     spent[cell] = true;
-                    for corner in 0..8 {
-                        let sample: [i64; 3] = std::array::from_fn(|n| first[n] + (corner >> n & 1));
-                        let planes = &mut around[place(sample)];
+                    for corner in 0..8usize {
+                        let ahead: [usize; 3] = std::array::from_fn(|n| corner >> n & 1);
+                        let planes = &mut around[cell + (0..3).map(|n| ahead[n] * strides[n]).sum::<usize>()];
                         // Leaves of larger cells have no sample at every coarse one.
                         planes.disagree |= fine > 1;
-                        planes.add(normal, std::array::from_fn(|n| at[n] - sample[n] as f64));
+                        planes.add(normal, std::array::from_fn(|n| within[n] - ahead[n] as f64));
                         spent[cell] &= planes.disagree;
                     }
                 }
-                let begin: [usize; 3] = std::array::from_fn(|n| begins[n] + from[n]);
-                let [u, v] = axis.others_in_order().map(Axis::index);
-                if fine == 1 && begin[u].is_multiple_of(factor) && begin[v].is_multiple_of(factor) {
+                if u_is_coarse && v_is_coarse {
+                    let begin: [usize; 3] = std::array::from_fn(|n| begins[n] + from[n]);
                     let along = (begin[a] % factor) as f64 + edge.fraction();
                     let offset = (along / factor as f64 * 65536.0).min(65535.0) as u16;
                     let low = begin.map(|c| (c / factor) as i64);
