@@ -25,18 +25,30 @@ no cell resolves.
 Regions are connected surface, measured at every crossing of the lattice, both sides of a wall together: `area` is that of all \
 sides, `volume` half of the integral of thickness over it. The largest comes first.
 
+With --volume every sample inside gets its local thickness: the diameter of the largest ball in the part that holds the sample (Hildebrand & Rüegsegger 1997). --method and --separation change nothing of it. Samples outside are 0. With --gaps it is told of what is outside, up to --widest. The summary tells mean and standard deviation over the volume.
+
 The part must be closed: open meshes and point clouds are refused. Values are in the store's unit.
 
 Examples:
   brickfield thickness part.brf -o thickness.ply
+  brickfield thickness part.brf --volume thickness.vdb
   brickfield thickness part.brf -o thickness.ply --below 0.8mm --regions thin.csv")]
 pub struct ThicknessArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
     /// The mesh to write, whose vertices have the property thickness; its name ends in .ply
-    #[arg(long, short, value_name = "T.ply")]
-    pub output: PathBuf,
+    #[arg(long, short, value_name = "T.ply", required_unless_present = "volume")]
+    pub output: Option<PathBuf>,
+    /// Also write local thickness as a volume: .npy, .vdb, .vtkhdf, .zarr, .vti, .mhd, .mha, .tif or .raw
+    #[arg(long, value_name = "T.vdb")]
+    pub volume: Option<PathBuf>,
+    /// The level of the volume, the deepest by default
+    #[arg(long, value_name = "L", requires = "volume")]
+    pub level: Option<u8>,
+    /// With --gaps and --volume: what is wider than this counts as free space, and has the number 0
+    #[arg(long, value_name = "LEN", requires_all = ["gaps", "volume"])]
+    pub widest: Option<Length>,
     /// What thickness is
     #[arg(long = "method", value_enum, default_value_t)]
     pub measure: MeasureArg,
@@ -50,7 +62,7 @@ pub struct ThicknessArgs {
     #[arg(long, value_name = "LEN", requires = "regions")]
     pub below: Option<Length>,
     /// The table of regions thinner than --below; its name ends in .csv or .json
-    #[arg(long, value_name = "R.csv|.json", requires = "below")]
+    #[arg(long, value_name = "R.csv|.json", requires_all = ["below", "output"])]
     pub regions: Option<PathBuf>,
     #[command(flatten)]
     pub surface: SurfaceArgs,

@@ -1,9 +1,11 @@
 //! `brickfield thickness`: how thick walls are, at every vertex of the mesh.
 
+use super::thickness_volume::VolumePlan;
 use super::{no_unit, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::{MeasureArg, ThicknessArgs};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
+use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use anyhow::anyhow;
 use brickfield_engine::analysis::{CoveringPass, beads_at_points};
@@ -13,7 +15,7 @@ use brickfield_engine::distance::{Region, ScalarPly, Surface};
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Bytes of a vertex while its number is sought: position, number, and the same again as text of the file.
 const BYTES_A_VERTEX: u64 = 24;
@@ -28,21 +30,71 @@ const COLUMNS: [&str; 10] =
 
 /// Runs the command.
 pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
-    require_ply(&args.output)?;
+    args.output.as_deref().map(require_ply).transpose()?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
+    let plan = VolumePlan::of(args)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.surface.memory.0 / 8, args.surface.io, AcceptedStores::Whole)?;
-    let mut outputs: Vec<&Path> = vec![&args.output];
-    outputs.extend(args.regions.as_deref());
+    let memory = args.surface.memory.0;
+    let store = open_store(&args.store, memory / 8, args.surface.io, AcceptedStores::Whole)?;
+    let mut outputs: Vec<&Path> = args.output.iter().chain(&args.regions).map(PathBuf::as_path).collect();
+    outputs.extend(plan.iter().flat_map(VolumePlan::outputs));
     require_distinct(&outputs, &[&args.store])?;
     require_whole_samples(&store, "thickness cannot be told")?;
     let below =
         args.below.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
-    require_room(&store, args.surface.memory.0)?;
-    let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
-    let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "thickness")?;
-    let folder = args.surface.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
-    let surface = Surface::new(&store, args.surface.memory.0 / 2, folder, &bars)?;
+    let mut told = None;
+    if let Some(output) = &args.output {
+        require_room(&store, memory)?;
+        told = Some((args.regions.as_deref().map(PartFile::create).transpose()?, output));
+    }
+    let told = told.map(|(table, output)| -> Result<_, Failure> {
+        Ok((table, ScalarPly::new(PartFile::create(output)?, "thickness")?))
+    });
+    let told = told.transpose()?;
+    let folder = match (&args.surface.temp_dir, outputs.first()) {
+        (Some(folder), _) => folder,
+        (None, Some(output)) => directory_of(output),
+        (None, None) => Path::new("."),
+    };
+    let surface = Surface::new(&store, memory / 2, folder, &bars)?;
+    let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
+    let mut text = String::new();
+    if let Some((table_file, ply)) = told {
+        let (found, told) = at_vertices(args, (&store, &surface), ply, below, &bars)?;
+        document = found;
+        text = told.text;
+        if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &told.table) {
+            table.append_to(&mut file, kind, &document)?;
+            file.finish()?;
+        }
+    }
+    if let Some(plan) = &plan {
+        let spread = plan.write((&store, &surface), (memory / 8, folder), &bars)?;
+        document["volume"] = plan.document(&store, &spread);
+        let line = plan.summary(&store, &spread);
+        text = if text.is_empty() { line } else { format!("{text}\n{line}") };
+    }
+    bars.clear();
+    if args.json {
+        return print_json(&document);
+    }
+    if args.work.quiet { Ok(()) } else { print(&text) }
+}
+
+/// What is told of vertices.
+struct Told {
+    text: String,
+    table: Option<Table<'static>>,
+}
+
+/// Measures at all vertices and writes the mesh.
+fn at_vertices(
+    args: &ThicknessArgs,
+    (store, surface): (&Store, &Surface),
+    mut ply: ScalarPly,
+    below: Option<f64>,
+    bars: &Bars,
+) -> Result<(Value, Told), Failure> {
     let cell = surface.cell();
     if let Some(below) = below.filter(|below| *below < CELLS_RESOLVED * cell) {
         let what = format!(
@@ -58,33 +110,23 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     let options = Options { method, gaps: args.gaps };
     let contouring =
         ContourOptions { cache_bytes: (args.surface.memory.0 / 4) as usize, ..ContourOptions::default() };
-    contour(&store, &contouring, &mut ply, &bars)?;
+    contour(store, &contouring, &mut ply, bars)?;
     let (vertices, triangles) = ply.counts();
-    let values = ply.fill(&bars, |last: &mut PreviousContact, world| {
-        let measured = at_world(&surface, world, options, last)?;
+    let values = ply.fill(bars, |last: &mut PreviousContact, world| {
+        let measured = at_world(surface, world, options, last)?;
         Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
     })?;
-    let regions = below.map(|below| thin_regions(&surface, options, below, &bars)).transpose()?;
-    let table = regions.as_deref().map(|regions| table(&store, regions, cell)).transpose()?;
-    let mut document = document(args, &store, &values, cell);
+    let regions = below.map(|below| thin_regions(surface, options, below, bars)).transpose()?;
+    let table = regions.as_deref().map(|regions| table(store, regions, cell)).transpose()?;
+    let mut document = document(args, store, &values, cell);
     document["vertices"] = json!(vertices);
     document["triangles"] = json!(triangles);
     if let Some(table) = &table {
         document["below"] = json!(below);
         document["regions"] = table.objects();
     }
-    bars.clear();
-    if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
-        table.append_to(&mut file, kind, &document)?;
-        file.finish()?;
-    }
-    if args.json {
-        return print_json(&document);
-    }
-    if args.work.quiet {
-        return Ok(());
-    }
-    print(&summary(args, &store, &document, below.zip(regions.as_deref())))
+    let text = summary(args, store, &document, below.zip(regions.as_deref()));
+    Ok((document, Told { text, table }))
 }
 
 /// Refuses a name that does not end in .ply.
@@ -191,7 +233,7 @@ fn summary(
     regions: Option<(f64, &[Region])>,
 ) -> String {
     let unit = unit_of(store.meta());
-    let name = in_line(&args.output);
+    let name = args.output.as_deref().map(in_line).unwrap_or_default();
     let what = if args.gaps { "gaps" } else { "walls" };
     let mut text = format!(
         "{name}: {} vertices; {what} of {} to {} {unit}, half of the vertices at most {}",

@@ -15,6 +15,10 @@
 //! | `questions` | nearest points, normals, rays, balls |
 //! | `around` | normals of surfaces with facets |
 //! | `thickness` | thickness of walls, width of gaps |
+//! | `inscribed` | balls inside, and how they grow |
+//! | `balls` | balls of all crossings, by place |
+//! | `local` | local thickness as a tree |
+//! | `tally` | how it is spread |
 //! | `offset` | offsets and shells as stores |
 //! | `closing` | parts closed by balls, as stores |
 //! | `band` | distances near the surface as a tree |
@@ -28,10 +32,15 @@
 
 mod align;
 mod around;
+mod balls;
 mod band;
 mod boxes;
 pub mod closing;
 pub mod deviation;
+mod inscribed;
+mod local;
+#[cfg(test)]
+mod local_tests;
 mod numbers;
 pub mod offset;
 mod patch;
@@ -43,6 +52,7 @@ mod sample_box;
 mod scalar_ply;
 mod sides;
 mod surface;
+mod tally;
 #[cfg(test)]
 mod tests;
 pub mod thickness;
@@ -50,8 +60,10 @@ mod triangles;
 
 pub use align::{Align, align};
 pub use band::{BAND, DistanceTree};
+pub use local::{LocalOf, LocalThickness};
 pub use regions::Region;
 pub use scalar_ply::ScalarPly;
 pub use sides::Sides;
+pub use tally::LocalSpread;
 pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
 pub use triangles::{Nearest, Triangles};
