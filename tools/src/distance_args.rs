@@ -103,11 +103,19 @@ pub fn angle(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "is no number from 0 to 180".to_owned())
 }
 
+/// A number from 1 to 100.
+pub fn limit(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| (1.0..=100.0).contains(number));
+    number.ok_or_else(|| "is no number from 1 to 100".to_owned())
+}
+
 /// Grow or shrink a part by a length, or hollow it: a new store
 #[derive(Args)]
 #[command(after_help = "\
 The new store has the lattice of the old one, in a larger root where it would not fit, and exact crossings of its own. Growing \
 makes edges round, shrinking keeps them sharp. Meshes of it are closed and free of self-intersections like all.
+
+With --sharp edges that turn by 20 degrees and more are mitred: the faces beside them are extended up to where they meet, as far as --mitre-limit allows. So a grown cube is a cube. An edge of 29 degrees and more is whole with a limit of 4.
 
 With --shell the part is hollowed: what is left is what lies within the length of its surface.
 
@@ -116,6 +124,7 @@ not, either. The part must be closed: open meshes and point clouds are refused.
 
 Examples:
   brickfield offset part.brf --by 0.4mm -o larger.brf
+  brickfield offset part.brf --by 0.4mm --sharp -o larger.brf
   brickfield offset part.brf --by -0.4mm -o smaller.brf
   brickfield offset part.brf --shell 2mm -o hollow.brf")]
 pub struct OffsetArgs {
@@ -128,6 +137,12 @@ pub struct OffsetArgs {
     /// Keep what lies within this of the surface instead
     #[arg(long, value_name = "LEN", conflicts_with = "by")]
     pub shell: Option<Length>,
+    /// Keep convex edges sharp: faces are extended up to where they meet
+    #[arg(long, conflicts_with = "shell")]
+    pub sharp: bool,
+    /// With --sharp: how far from the edge extended faces reach at most, in multiples of the length; beyond they are round
+    #[arg(long, value_name = "N", default_value_t = 4.0, value_parser = limit, requires = "sharp")]
+    pub mitre_limit: f64,
     /// The store to write
     #[arg(long, short, value_name = "OUT.brf")]
     pub output: PathBuf,

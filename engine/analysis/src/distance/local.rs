@@ -200,7 +200,7 @@ impl<'a> LocalThickness<'a> {
         for n in (0..POINTS).filter(|&n| canvas.radius[n] < f32::INFINITY) {
             let ball = canvas.which[n].checked_sub(1).map(|which| canvas.balls[which as usize]);
             let radius = self.radius(canvas.place(n), ball)?;
-            if self.medium.gaps && radius >= most {
+            if self.medium.gaps && radius >= most - MISS {
                 continue;
             }
             // What is measured is not 0.

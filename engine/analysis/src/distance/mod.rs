@@ -20,6 +20,7 @@
 //! | `local` | local thickness as a tree |
 //! | `tally` | how it is spread |
 //! | `offset` | offsets and shells as stores |
+//! | `mitre` | convex creases, whose planes are extended |
 //! | `closing` | parts closed by balls, as stores |
 //! | `band` | distances near the surface as a tree |
 //! | `sample_box` | boxes of samples, which both halve |
@@ -41,6 +42,7 @@ mod inscribed;
 mod local;
 #[cfg(test)]
 mod local_tests;
+mod mitre;
 mod numbers;
 pub mod offset;
 mod patch;

@@ -31,7 +31,7 @@ struct Sums {
 pub struct LocalSpread {
     /// Samples that were measured.
     pub samples: u64,
-    /// The mean over the volume, and what it is off by: half of what the lattices of every other sample differ by, and the step
+    /// The mean over the volume, and what it is off by: a quarter of the range of the lattices of every other sample, which is twice the standard error; and the step
     /// of numbers.
     pub mean: f64,
     /// See `mean`.
@@ -102,7 +102,7 @@ impl Tally {
             let found = self.parts.iter().filter(|part| part.count > 0).map(|part| part.moments()[n]);
             let (low, high) =
                 found.fold((f64::INFINITY, 0.0f64), |(low, high), m| (low.min(m), high.max(m)));
-            0.5 * (high - low).max(0.0) * unit + 0.5 * unit + OFF * cell
+            0.25 * (high - low).max(0.0) * unit + 0.5 * unit + OFF * cell
         };
         let last = self.bars.iter().rposition(|&bar| bar > 0).map_or(0, |last| last + 1);
         LocalSpread {
