@@ -17,22 +17,48 @@ use std::collections::BTreeMap;
 /// The cosine of the least turn between faces: 20°.
 const TURNED: f64 = 0.94;
 /// Faces this near to a corner of patches, in cells, meet there.
-const MEET: f64 = 1.75;
-/// A plane passes through the corner within this, in cells.
-const THROUGH: f64 = 0.1;
+const MEET: f64 = 2.0;
+/// A plane passes through the corner within this, in cells: where three faces meet no cell may resolve them.
+const THROUGH: f64 = 0.4;
 /// How much lower the faces beside a convex crease lie, in cells.
 const LOWER: f64 = 1e-3;
 /// A place this far, in cells, from what is outward of the corner may be outward of the crease beside it.
-const BESIDE: f64 = 1.0;
+const BESIDE: f64 = 1.25;
 /// Parts of a cell by which corners of patches are told apart.
 const PARTS: f64 = 512.0;
 
 /// A plane: its outward unit normal, and how far along it from the origin.
 type Plane = ([f64; 3], f64);
 
+/// What is known around a corner of patches on a convex crease.
+#[derive(Clone)]
+struct Crease {
+    planes: Vec<Plane>,
+    /// Whether all of them meet convexly, so that no distance from them is less than their height.
+    is_convex: bool,
+}
+
+/// How far planes reach at a place.
+pub(super) struct Mitre {
+    /// Over the planes of the crease: less than the distance from it.
+    pub height: f64,
+    /// The normal of the plane that it is over.
+    pub normal: [f64; 3],
+    corner: [f64; 3],
+    is_convex: bool,
+}
+
+impl Mitre {
+    /// Whether a foot is of the planes that are known here, so that their height is right where distances of patches are not.
+    pub fn knows(&self, foot: [f64; 3]) -> bool {
+        let away = minus(foot, self.corner);
+        self.is_convex && dot(away, away) <= MEET * MEET
+    }
+}
+
 /// The convex creases of a surface.
 pub(super) struct Mitres {
-    corners: Vec<([f64; 3], Vec<Plane>)>,
+    corners: Vec<([f64; 3], Crease)>,
     boxes: Boxes,
     /// How far mitres reach from the crease, as a multiple of the offset.
     pub limit: f64,
@@ -42,7 +68,7 @@ impl Mitres {
     /// Of a surface, in so many bytes.
     pub fn of(surface: &Surface, limit: f64, memory: u64, progress: &dyn Progress) -> Result<Mitres> {
         progress.phase("edges", Some(surface.leaves().len() as u64), "bricks");
-        let mut found: BTreeMap<[i64; 3], Vec<Plane>> = BTreeMap::new();
+        let mut found: BTreeMap<[i64; 3], Crease> = BTreeMap::new();
         let mut bytes = 0;
         let make = |_: &mut (), leaf: usize| {
             progress.check()?;
@@ -50,14 +76,15 @@ impl Mitres {
             let mut met = Vec::new();
             for corner in corners {
                 let at = corner.map(|c| c as f64 / PARTS);
-                let planes = surface.ask(Meeting::new(at))?.planes();
-                met.extend(planes.map(|planes| (corner, planes)));
+                let crease = surface.ask(Meeting::new(at))?.crease();
+                met.extend(crease.map(|crease| (corner, crease)));
             }
             Ok(met)
         };
-        let take = |met: Vec<([i64; 3], Vec<Plane>)>| {
+        let take = |met: Vec<([i64; 3], Crease)>| {
             progress.advance(1);
-            bytes += met.iter().map(|(_, planes)| 96 + size_of_val(planes.as_slice()) as u64).sum::<u64>();
+            let planes = |(_, crease): &([i64; 3], Crease)| size_of_val(crease.planes.as_slice()) as u64;
+            bytes += met.iter().map(|crease| 112 + planes(crease)).sum::<u64>();
             if bytes > memory {
                 return Err(Error::setting(
                     "the part has more sharp edges than fit",
@@ -68,41 +95,42 @@ impl Mitres {
             Ok(())
         };
         run_ordered(surface.leaves().len(), 8 * rayon::current_num_threads(), || (), make, take)?;
-        let corners: Vec<([f64; 3], Vec<Plane>)> =
-            found.into_iter().map(|(at, planes)| (at.map(|c| c as f64 / PARTS), planes)).collect();
-        let mut corners = corners;
+        let place = |at: [i64; 3]| at.map(|c| c as f64 / PARTS);
+        let mut corners: Vec<_> = found.into_iter().map(|(at, crease)| (place(at), crease)).collect();
         // Neighbours in a box are near.
         corners.sort_by_cached_key(|(at, _)| crate::lattice::morton(at.map(|c| (c.max(0.0) * 8.0) as u32)));
-        let block = |(at, _): &([f64; 3], Vec<Plane>)| block_of(std::iter::once(*at), 0.0);
+        let block = |(at, _): &([f64; 3], Crease)| block_of(std::iter::once(*at), 0.0);
         let boxes = Boxes::new(corners.iter().map(block), 1);
         Ok(Mitres { corners, boxes, limit })
     }
 
-    /// How far a place is from the planes of the nearest crease, if it lies outward of one that is within so many cells, with
-    /// the normal of the planes there.
-    pub fn height(&self, from: [f64; 3], within: f64) -> Option<(f64, [f64; 3])> {
-        let probe = Probe::new(from, self.boxes.size());
-        let mut near = NearestCorner { corners: &self.corners, from, probe, within: within * within, best: None };
-        let found = self.boxes.search(&mut near);
-        debug_assert!(found.is_ok());
-        let (at, planes) = &self.corners[near.best?];
-        let away = minus(from, *at);
+    /// How high a place is over the planes of the nearest crease, if it lies outward of one that is within so many cells.
+    pub fn at(&self, from: [f64; 3], within: f64) -> Option<Mitre> {
+        let (corner, Crease { planes, is_convex }) = self.nearest(from, within)?;
+        let away = minus(from, *corner);
         if beside_cone(away, planes) > BESIDE {
             return None;
         }
         let reach = (dot(away, away).sqrt() / self.limit, away);
         let heights = planes.iter().map(|(normal, along)| (dot(*normal, from) - along, *normal));
-        let highest = heights.fold(reach, |most, height| if height.0 > most.0 { height } else { most });
-        let size = dot(highest.1, highest.1).sqrt().max(f64::MIN_POSITIVE);
-        Some((highest.0, highest.1.map(|c| c / size)))
+        let (height, normal) = heights.fold(reach, |most, height| if height.0 > most.0 { height } else { most });
+        let size = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
+        let normal = normal.map(|c| c / size);
+        Some(Mitre { height, normal, corner: *corner, is_convex: *is_convex })
+    }
+
+    fn nearest(&self, from: [f64; 3], within: f64) -> Option<&([f64; 3], Crease)> {
+        let probe = Probe::new(from, self.boxes.size());
+        let within = within * within;
+        let mut near = NearestCorner { corners: &self.corners, from, probe, within, best: None };
+        let found = self.boxes.search(&mut near);
+        debug_assert!(found.is_ok());
+        near.best.map(|best| &self.corners[best])
     }
 
     /// Whether a crease may be so near.
     pub fn may_be_within(&self, from: [f64; 3], within: f64) -> bool {
-        let probe = Probe::new(from, self.boxes.size());
-        let mut near = NearestCorner { corners: &self.corners, from, probe, within: within * within, best: None };
-        let found = self.boxes.search(&mut near);
-        found.is_err() || near.best.is_some()
+        self.nearest(from, within).is_some()
     }
 }
 
@@ -148,6 +176,14 @@ fn turned_corners(piece: &Piece) -> Vec<[i64; 3]> {
     around.into_iter().filter(|(at, patches)| is_border(at) || is_turned(patches)).map(|(at, _)| at).collect()
 }
 
+/// A place on a face with the normal there.
+type Face = ([f64; 3], [f64; 3]);
+
+/// Whether each of two faces lies below the other.
+fn are_convex(a: Face, b: Face) -> bool {
+    dot(a.1, minus(b.0, a.0)) < -LOWER && dot(b.1, minus(a.0, b.0)) < -LOWER
+}
+
 /// The patches around a place.
 struct Meeting {
     at: [f64; 3],
@@ -162,25 +198,27 @@ impl Meeting {
     }
 
     /// The planes that meet in a convex crease, the nearest of each face.
-    fn planes(mut self) -> Option<Vec<Plane>> {
+    fn crease(mut self) -> Option<Crease> {
         self.found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let mut faces: Vec<([f64; 3], [f64; 3])> = Vec::new();
+        let mut faces: Vec<Face> = Vec::new();
         for (_, _, at, normal) in self.found {
             let is_new = faces.iter().all(|(_, other)| dot(*other, normal) < TURNED);
             if is_new && dot(normal, minus(self.at, at)) <= THROUGH {
                 faces.push((at, normal));
             }
         }
-        let passes = |(at, normal): &([f64; 3], [f64; 3])| dot(*normal, minus(self.at, *at)).abs() <= THROUGH;
-        let is_lower = |(at, normal): &([f64; 3], [f64; 3]), other: &([f64; 3], [f64; 3])| {
-            dot(*normal, minus(other.0, *at)) < -LOWER
+        let passes = |(at, normal): &Face| dot(*normal, minus(self.at, *at)).abs() <= THROUGH;
+        let through: Vec<Face> = faces.iter().copied().filter(passes).collect();
+        let pairs = |faces: &[Face]| -> Vec<bool> {
+            let pairs = (0..faces.len()).flat_map(|n| (0..n).map(move |m| (n, m)));
+            pairs.map(|(n, m)| are_convex(faces[n], faces[m])).collect()
         };
-        let through: Vec<_> = faces.iter().filter(|face| passes(face)).collect();
-        let is_convex = through
-            .iter()
-            .enumerate()
-            .any(|(n, a)| through[..n].iter().any(|b| is_lower(a, b) && is_lower(b, a)));
-        is_convex.then(|| faces.iter().map(|(at, normal)| (*normal, dot(*normal, *at))).collect())
+        if !pairs(&through).contains(&true) {
+            return None;
+        }
+        let is_convex = !pairs(&faces).contains(&false);
+        let planes = faces.iter().map(|(at, normal)| (*normal, dot(*normal, *at))).collect();
+        Some(Crease { planes, is_convex })
     }
 }
 
@@ -209,7 +247,7 @@ impl PatchQuestion for Meeting {
 
 /// The corner that is nearest to a place.
 struct NearestCorner<'a> {
-    corners: &'a [([f64; 3], Vec<Plane>)],
+    corners: &'a [([f64; 3], Crease)],
     from: [f64; 3],
     probe: Probe,
     within: f64,

@@ -17,6 +17,8 @@ const CERTAIN: f64 = 0.1;
 /// A crossing is found where the field is this small, in cells, or after so many steps.
 const ROOT: f64 = 2e-5;
 const STEPS: usize = 12;
+/// Heights and distances are alike within so many cells.
+const EQUAL: f64 = 1e-3;
 /// Bytes of the creases that mitres need.
 const MITRE_BYTES: u64 = 256 << 20;
 /// The least cosine between the way from the surface and its normal where it has no edge.
@@ -164,10 +166,18 @@ impl<'a> OffsetField<'a> {
         match self.solid {
             Solid::Offset(_) => (distance - self.by, outward),
             Solid::Mitred(..) => {
-                let mitres = self.mitres.as_ref().filter(|_| distance > self.by);
-                let height = mitres.and_then(|mitres| mitres.height(from, mitres.limit * self.by + 1.0));
-                let (distance, outward) = height.filter(|h| h.0 < distance).unwrap_or((distance, outward));
-                (distance - self.by, outward)
+                // What is inside by half of the length is solid whatever planes do.
+                let mitres = self.mitres.as_ref().filter(|_| foot.distance > 0.5 * self.by);
+                let mitre = mitres.and_then(|mitres| mitres.at(from, mitres.limit * self.by + 1.0));
+                match mitre {
+                    // Planes know the side, which patches may mistake at corners.
+                    Some(mitre) if mitre.knows(foot.at) => (mitre.height - self.by, mitre.normal),
+                    // Where both are as far the normal is that of a plane.
+                    Some(mitre) if mitre.height < distance + EQUAL => {
+                        (mitre.height.min(distance) - self.by, mitre.normal)
+                    }
+                    _ => (distance - self.by, outward),
+                }
             }
             Solid::Shell(_) if distance >= -distance - self.by => (distance, outward),
             Solid::Shell(_) => (-distance - self.by, outward.map(|c| -c)),
