@@ -165,22 +165,33 @@ impl<'a> OffsetField<'a> {
         let outward = if is_smooth { foot.normal } else { way };
         match self.solid {
             Solid::Offset(_) => (distance - self.by, outward),
-            Solid::Mitred(..) => {
-                // What is inside by half of the length is solid whatever planes do.
-                let mitres = self.mitres.as_ref().filter(|_| foot.distance > 0.5 * self.by);
-                let mitre = mitres.and_then(|mitres| mitres.at(from, mitres.limit * self.by + 1.0));
-                match mitre {
-                    // Planes know the side, which patches may mistake at corners.
-                    Some(mitre) if mitre.knows(foot.at) => (mitre.height - self.by, mitre.normal),
-                    // Where both are as far the normal is that of a plane.
-                    Some(mitre) if mitre.height < distance + EQUAL => {
-                        (mitre.height.min(distance) - self.by, mitre.normal)
-                    }
-                    _ => (distance - self.by, outward),
-                }
-            }
+            Solid::Mitred(..) => self.mitred(foot, from, (distance, outward)),
             Solid::Shell(_) if distance >= -distance - self.by => (distance, outward),
             Solid::Shell(_) => (-distance - self.by, outward.map(|c| -c)),
+        }
+    }
+
+    /// The field with mitres, given the signed distance, and the normal without them.
+    fn mitred(
+        &self,
+        foot: &Foot,
+        from: [f64; 3],
+        (distance, outward): (f64, [f64; 3]),
+    ) -> (f64, [f64; 3]) {
+        // What is so near to the part is solid whatever planes do.
+        let mitres = self.mitres.as_ref().filter(|_| foot.distance > 0.5 * self.by);
+        let mitre = mitres.and_then(|mitres| mitres.at(from, mitres.limit * self.by + 1.0));
+        let is_sample = from.iter().all(|c| c.fract() == 0.0);
+        match mitre {
+            // Planes know the side, which patches may mistake at corners. But samples are solid where whole boxes would be.
+            Some(mitre) if mitre.knows(foot.at) && !(is_sample && distance < self.by - 0.5 * CERTAIN) => {
+                (mitre.height - self.by, mitre.normal)
+            }
+            // Where both are as far the normal is that of a plane.
+            Some(mitre) if mitre.height < distance + EQUAL => {
+                (mitre.height.min(distance) - self.by, mitre.normal)
+            }
+            _ => (distance - self.by, outward),
         }
     }
 
@@ -216,7 +227,10 @@ impl<'a> OffsetField<'a> {
     /// what its foot says may be wrong, at corners that no cell resolves; then both must come to the same.
     fn agreed(&self, foot: &Foot, from: [f64; 3], inside: Option<bool>, reach: f64) -> Option<bool> {
         let of = |inside: bool| {
-            if let Some(mitres) = self.mitres.as_ref().filter(|_| !inside) {
+            if let Some(mitres) = &self.mitres {
+                if inside {
+                    return (foot.distance + self.by > reach).then_some(true);
+                }
                 let far = self.by * mitres.limit + reach;
                 let is_solid = foot.distance + reach < self.by;
                 let is_empty = foot.distance > self.by + reach && !mitres.may_be_within(from, far + 1.0);
