@@ -176,12 +176,20 @@ fn turned_corners(piece: &Piece) -> Vec<[i64; 3]> {
     around.into_iter().filter(|(at, patches)| is_border(at) || is_turned(patches)).map(|(at, _)| at).collect()
 }
 
-/// A place on a face with the normal there.
-type Face = ([f64; 3], [f64; 3]);
+/// A face around a corner: its nearest crossing with the normal there, and the sum of all of its crossings.
+#[derive(Clone, Copy)]
+struct Face {
+    at: [f64; 3],
+    normal: [f64; 3],
+    sum: [f64; 3],
+    crossings: f64,
+}
 
-/// Whether each of two faces lies below the other.
-fn are_convex(a: Face, b: Face) -> bool {
-    dot(a.1, minus(b.0, a.0)) < -LOWER && dot(b.1, minus(a.0, b.0)) < -LOWER
+impl Face {
+    /// Whether the middle of another face lies below this one.
+    fn is_above(&self, other: &Face) -> bool {
+        dot(self.normal, minus(other.sum.map(|c| c / other.crossings), self.at)) < -LOWER
+    }
 }
 
 /// The patches around a place.
@@ -202,22 +210,26 @@ impl Meeting {
         self.found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut faces: Vec<Face> = Vec::new();
         for (_, _, at, normal) in self.found {
-            let is_new = faces.iter().all(|(_, other)| dot(*other, normal) < TURNED);
-            if is_new && dot(normal, minus(self.at, at)) <= THROUGH {
-                faces.push((at, normal));
+            match faces.iter_mut().find(|face| dot(face.normal, normal) >= TURNED) {
+                Some(face) => {
+                    face.sum = std::array::from_fn(|a| face.sum[a] + at[a]);
+                    face.crossings += 1.0;
+                }
+                None => faces.push(Face { at, normal, sum: at, crossings: 1.0 }),
             }
         }
-        let passes = |(at, normal): &Face| dot(*normal, minus(self.at, *at)).abs() <= THROUGH;
+        faces.retain(|face| dot(face.normal, minus(self.at, face.at)) <= THROUGH);
+        let passes = |face: &Face| dot(face.normal, minus(self.at, face.at)).abs() <= THROUGH;
         let through: Vec<Face> = faces.iter().copied().filter(passes).collect();
         let pairs = |faces: &[Face]| -> Vec<bool> {
             let pairs = (0..faces.len()).flat_map(|n| (0..n).map(move |m| (n, m)));
-            pairs.map(|(n, m)| are_convex(faces[n], faces[m])).collect()
+            pairs.map(|(n, m)| faces[n].is_above(&faces[m]) && faces[m].is_above(&faces[n])).collect()
         };
         if !pairs(&through).contains(&true) {
             return None;
         }
         let is_convex = !pairs(&faces).contains(&false);
-        let planes = faces.iter().map(|(at, normal)| (*normal, dot(*normal, *at))).collect();
+        let planes = faces.iter().map(|face| (face.normal, dot(face.normal, face.at))).collect();
         Some(Crease { planes, is_convex })
     }
 }
