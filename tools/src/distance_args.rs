@@ -196,8 +196,7 @@ pub struct DeviationArgs {
     /// How the part is laid over the reference
     #[arg(long, value_enum, default_value_t)]
     pub align: AlignArg,
-    /// Memory for surfaces and bricks, as in 512MiB; what of surfaces does not fit goes to a temporary file. A reference mesh
-    /// stays in memory, 100 bytes a triangle
+    /// Memory for surfaces, bricks and a reference mesh, as in 512MiB; what does not fit goes to a temporary file
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
     /// Folder of that file, which has no name there; the output's own by default

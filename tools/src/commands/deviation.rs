@@ -8,7 +8,6 @@ use crate::failure::Failure;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
-use crate::units::Size;
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
@@ -21,8 +20,6 @@ use brickfield_engine::store::{AcceptedStores, BrickTree, Store, is_store};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Bytes of a triangle of the reference, at most, with its boxes.
-const BYTES_A_TRIANGLE: u64 = 100;
 /// Points of the reference that are compared with the part, at most, of each kind.
 const POINTS_BACK: usize = 500_000;
 /// A shift is told that is larger than this part of the size while the sizes differ by less.
@@ -209,14 +206,8 @@ pub(super) fn open_reference(
     if inputs.iter().any(|input| input.beads().is_some() || input.sweeps().is_some()) {
         return Err(anyhow!("{name}: it is a toolpath; build a store of it and give that").into());
     }
-    let bytes = inputs.iter().map(|input| input.facets()).sum::<u64>() * BYTES_A_TRIANGLE;
-    if bytes > args.memory / 2 {
-        let needed = Size(2 * bytes);
-        let remedy = format!("allow {needed} with --memory, or build a store of it and give that");
-        return Err(anyhow!("{name}: its triangles do not fit; {remedy}").into());
-    }
     let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
-    let triangles = Triangles::new(&sources, bars)?;
+    let triangles = Triangles::new(&sources, (args.memory / 2, args.folder), bars)?;
     inputs.iter().try_for_each(|input| input.check())?;
     if !triangles.is_closed() {
         warn(&format!("{name}: the mesh is not closed, so the nearest triangle tells the side of a point"));

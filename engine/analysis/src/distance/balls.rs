@@ -2,13 +2,11 @@
 
 use super::boxes::{Block, Boxes, Lanes, Normals, Probe, Question, WIDE, block_of};
 use super::inscribed::{InscribedBall, Medium};
+use super::spilled::{Spill, Spilled};
 use super::thickness::PreviousContact;
 use crate::error::Result;
-use crate::lattice::NodeKey;
-use crate::part::temporary::TempFile;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
-use crate::store::BrickCache;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -21,19 +19,14 @@ const BALL_BYTES: usize = 33;
 const PIECES_AHEAD: usize = 4;
 
 /// The balls of a piece of the surface.
-enum HeldBalls {
-    Here(Arc<Vec<InscribedBall>>),
-    There { offset: u64, count: usize },
-}
+type BallGroup = Vec<InscribedBall>;
 
-/// The balls of all crossings, by pieces of the surface, in a file beside memory where they are more than allowed.
+/// The balls of all crossings, by pieces of the surface.
 pub(super) struct BallTree {
-    held: Vec<HeldBalls>,
+    groups: Spilled<BallGroup>,
     /// The largest radius of each piece.
     largest: Vec<f64>,
     boxes: Boxes,
-    file: TempFile,
-    cache: BrickCache<Vec<InscribedBall>>,
 }
 
 impl BallTree {
@@ -44,11 +37,10 @@ impl BallTree {
         folder: &Path,
         progress: &dyn Progress,
     ) -> Result<BallTree> {
-        let file = TempFile::new(folder);
         let leaves = medium.surface.leaves().len();
         progress.phase("balls", Some(leaves as u64), "bricks");
-        let (mut held, mut largest, mut blocks) = (Vec::new(), Vec::new(), Vec::new());
-        let mut here = 0;
+        let mut groups = Spilled::new(memory, folder);
+        let (mut largest, mut blocks) = (Vec::new(), Vec::new());
         let make = |_: &mut (), leaf: usize| {
             progress.check()?;
             let mut last = PreviousContact::default();
@@ -62,18 +54,11 @@ impl BallTree {
             progress.advance(1);
             largest.push(balls.iter().fold(0.0, |most: f64, ball| most.max(ball.radius)));
             blocks.push(block(&balls));
-            let bytes = (balls.len() * size_of::<InscribedBall>()) as u64;
-            if here + bytes <= memory / 2 {
-                here += bytes;
-                held.push(HeldBalls::Here(Arc::new(balls)));
-            } else {
-                held.push(HeldBalls::There { offset: file.append(&bytes_of(&balls))?, count: balls.len() });
-            }
-            Ok(())
+            groups.push(balls)
         };
         run_ordered(leaves, PIECES_AHEAD * rayon::current_num_threads(), || (), make, take)?;
         let boxes = Boxes::new(blocks.into_iter(), 1);
-        Ok(BallTree { held, largest, boxes, file, cache: BrickCache::new(memory / 2) })
+        Ok(BallTree { groups, largest, boxes })
     }
 
     /// The largest radius of all.
@@ -87,32 +72,14 @@ impl BallTree {
         &self,
         middle: [f64; 3],
         reach: f64,
-        mut each: impl FnMut(f64, &mut dyn FnMut() -> Result<Arc<Vec<InscribedBall>>>) -> Result<()>,
+        mut each: impl FnMut(f64, &mut dyn FnMut() -> Result<Arc<BallGroup>>) -> Result<()>,
     ) -> Result<()> {
         let probe = Probe::new(middle, self.boxes.size());
         let mut near = Near { probe, within: (reach * reach) as f32, found: Vec::new() };
         self.boxes.search(&mut near)?;
         let mut found = near.found;
         found.sort_by(|&a, &b| self.largest[b].total_cmp(&self.largest[a]).then(a.cmp(&b)));
-        found.into_iter().try_for_each(|piece| each(self.largest[piece], &mut || self.balls(piece)))
-    }
-
-    fn balls(&self, piece: usize) -> Result<Arc<Vec<InscribedBall>>> {
-        let (offset, count) = match &self.held[piece] {
-            HeldBalls::Here(balls) => return Ok(balls.clone()),
-            HeldBalls::There { offset, count } => (*offset, *count),
-        };
-        // A name for the cache alone.
-        let name = piece as u32;
-        let key = NodeKey::new(20, [name & 0xfffff, name >> 20, 0]).unwrap_or(NodeKey::ROOT);
-        if let Some(balls) = self.cache.get(key) {
-            return Ok(balls);
-        }
-        let mut bytes = vec![0; count * BALL_BYTES];
-        self.file.read(offset, &mut bytes)?;
-        let balls = Arc::new(balls_of(&bytes));
-        drop(self.cache.insert(key, &balls, count * size_of::<InscribedBall>()));
-        Ok(balls)
+        found.into_iter().try_for_each(|piece| each(self.largest[piece], &mut || self.groups.get(piece)))
     }
 }
 
@@ -158,20 +125,27 @@ fn thinned(balls: Vec<InscribedBall>) -> Vec<InscribedBall> {
     kept.into_values().rev().collect()
 }
 
-fn bytes_of(balls: &[InscribedBall]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(balls.len() * BALL_BYTES);
-    for InscribedBall { centre, radius, is_flat } in balls {
-        centre.iter().chain([radius]).for_each(|number| bytes.extend(number.to_le_bytes()));
-        bytes.push(u8::from(*is_flat));
+impl Spill for BallGroup {
+    fn bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(self.len() * BALL_BYTES);
+        for InscribedBall { centre, radius, is_flat } in self {
+            centre.iter().chain([radius]).for_each(|number| bytes.extend(number.to_le_bytes()));
+            bytes.push(u8::from(*is_flat));
+        }
+        bytes
     }
-    bytes
-}
 
-fn balls_of(bytes: &[u8]) -> Vec<InscribedBall> {
-    let ball = |bytes: &[u8; BALL_BYTES]| {
-        let number = |n: usize| f64::from_le_bytes(std::array::from_fn(|b| bytes[8 * n + b]));
-        let centre = [0, 1, 2].map(number);
-        InscribedBall { centre, radius: number(3), is_flat: bytes[32] != 0 }
-    };
-    bytes.as_chunks::<BALL_BYTES>().0.iter().map(ball).collect()
+    fn of_bytes(bytes: &[u8]) -> Option<BallGroup> {
+        let ball = |bytes: &[u8; BALL_BYTES]| {
+            let number = |n: usize| f64::from_le_bytes(std::array::from_fn(|b| bytes[8 * n + b]));
+            let centre = [0, 1, 2].map(number);
+            InscribedBall { centre, radius: number(3), is_flat: bytes[32] != 0 }
+        };
+        let (balls, rest) = bytes.as_chunks::<BALL_BYTES>();
+        rest.is_empty().then(|| balls.iter().map(ball).collect())
+    }
+
+    fn heap_bytes(&self) -> usize {
+        self.len() * size_of::<InscribedBall>()
+    }
 }

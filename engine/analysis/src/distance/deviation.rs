@@ -93,11 +93,11 @@ impl Reference<'_> {
     /// The nearest point, with the signed distance.
     ///
     /// # Errors
-    /// What reading a store's surface gives.
+    /// What reading a store's surface, or what does not fit of a mesh, gives.
     pub fn opposite(&self, from: [f64; 3]) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
-                let (signed, nearest) = triangles.signed(from);
+                let (signed, nearest) = triangles.signed(from)?;
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed })
             }
             Reference::Store(surface, sides) => of_surface(surface, sides, from),
@@ -111,7 +111,7 @@ impl Reference<'_> {
     pub fn nearest(&self, from: [f64; 3]) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
-                let nearest = triangles.nearest(from);
+                let nearest = triangles.nearest(from)?;
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed: nearest.distance })
             }
             Reference::Store(surface, sides) => of_surface(surface, sides, from),
@@ -121,10 +121,10 @@ impl Reference<'_> {
     /// Points of it, at most about so many: of a mesh vertices and points spread by area, of a store crossings.
     ///
     /// # Errors
-    /// What reading a store's surface gives.
+    /// What reading a store's surface, or what does not fit of a mesh, gives.
     pub fn samples(&self, most: usize) -> Result<Vec<[f64; 3]>> {
         match self {
-            Reference::Mesh(triangles) => Ok(triangles.samples(most)),
+            Reference::Mesh(triangles) => triangles.samples(most),
             Reference::Store(surface, _) => {
                 let step = (surface.patches() as usize).div_ceil(most).max(1);
                 let mut points = Vec::new();

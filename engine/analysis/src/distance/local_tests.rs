@@ -113,7 +113,7 @@ fn memory_order_and_levels_change_no_number() {
         let held = (memory, Path::new("."));
         LocalThickness::new((&tree, &surface), LocalOf::Walls, level, held, &Silent).unwrap()
     };
-    let (first, second, coarse) = (at(1, 1 << 26), at(1, 0), at(0, 1 << 26));
+    let (first, second, coarse) = (at(1, 1 << 26), at(1, 60_000), at(0, 1 << 26));
     let keys: Vec<_> = first.keys().into_iter().filter(|key| key.level() == 1).collect();
     for &key in keys.iter().rev() {
         drop(second.brick(key).unwrap());

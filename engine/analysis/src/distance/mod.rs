@@ -11,6 +11,7 @@
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
 //! | `sides` | inside or outside, by samples |
+//! | `spilled` | groups in memory or in a file |
 //! | `surface` | all patches |
 //! | `questions` | nearest points, normals, rays, balls |
 //! | `around` | normals of surfaces with facets |
@@ -53,6 +54,7 @@ mod regions;
 mod sample_box;
 mod scalar_ply;
 mod sides;
+mod spilled;
 mod surface;
 mod tally;
 #[cfg(test)]
