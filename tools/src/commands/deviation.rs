@@ -1,6 +1,6 @@
 //! `brickfield deviation`: a part against what it should be.
 
-use super::thickness::{layers_of, require_ply, require_room};
+use super::thickness::{layers_of, require_ply};
 use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, DeviationArgs};
@@ -13,7 +13,7 @@ use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
     Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
-use brickfield_engine::distance::{Align, Region, ScalarPly, Sides, Surface, Triangles, align};
+use brickfield_engine::distance::{ALIGNED_POINTS, Align, Region, ScalarPly, Sides, Surface, Triangles, align};
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store, is_store};
@@ -96,10 +96,10 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     require_whole_samples(&store, "its deviation cannot be told")?;
     let unit = store.meta().unit.clone();
     let within = args.within.map(|length| length.in_unit_of(&unit).ok_or_else(no_unit)).transpose()?;
-    require_room(&store, args.memory.0)?;
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
-    let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "deviation")?;
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
+    let waiting = (args.memory.0 / 8, folder);
+    let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "deviation", waiting)?;
     let compared = Compared {
         reference: &args.reference,
         output: &args.output,
@@ -125,7 +125,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     contour(&store, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
     let how = Align::from(args.align);
-    let (motion, left) = align(ply.positions(), bounds, reference, how)?;
+    let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS)?, bounds, reference, how)?;
     let values =
         ply.fill(&bars, |(): &mut (), world| Ok(reference.opposite(motion.apply(world))?.signed as f32))?;
     let samples: Vec<[f64; 3]> =
@@ -135,7 +135,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         (Some(within), Some(_)) => Some(regions_beyond(&surface, reference, (motion, within), &bars)?),
         _ => None,
     };
-    let [there, back] = [Spread::of(&values), Spread::of(&back)];
+    let [there, back] = [Spread::of(&values)?, Spread::of(&back)?];
     let table = regions.as_ref().map(|regions| table(&store, regions, cell)).transpose()?;
     let mut document = json!({
         "unit": unit,
@@ -155,9 +155,10 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         "reference_to_part": spread(&back, cell),
     });
     if let Some(within) = within {
-        let beyond = |values: &[f32]| values.iter().filter(|v| f64::from(v.abs()) > within).count();
+        let mut beyond = 0u64;
+        values.each(|value| beyond += u64::from(value.abs() > within))?;
         document["within"] = json!(within);
-        document["vertices_beyond"] = json!(beyond(&values));
+        document["vertices_beyond"] = json!(beyond);
     }
     if let Some(table) = &table {
         document["regions"] = table.objects();

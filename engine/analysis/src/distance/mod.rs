@@ -28,6 +28,7 @@
 //! | `deviation` | signed distances from a reference, both ways |
 //! | `align` | a part laid over a reference |
 //! | `triangles` | the triangles of a mesh |
+//! | `triangle_sort` | triangles sorted by place, in a file where they are too many |
 //! | `numbers` | a number for each of many points |
 //! | `regions` | patches that hang together |
 //! | `scalar_ply` | meshes whose vertices have a number |
@@ -60,11 +61,13 @@ mod tally;
 #[cfg(test)]
 mod tests;
 pub mod thickness;
+mod triangle_sort;
 mod triangles;
 
-pub use align::{Align, align};
+pub use align::{ALIGNED_POINTS, Align, align};
 pub use band::{BAND, DistanceTree};
 pub use local::{LocalOf, LocalThickness};
+pub use numbers::PointNumbers;
 pub use regions::Region;
 pub use scalar_ply::ScalarPly;
 pub use sides::Sides;

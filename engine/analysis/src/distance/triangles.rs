@@ -3,22 +3,18 @@
 use super::boxes::{Boxes, Lanes, Normals, Probe, Question, WIDE, block_of, reciprocals};
 use super::patch::nearest_of_triangle;
 use super::spilled::{Spill, Spilled};
+use super::triangle_sort::{
+    Corners, Extent, PartSorter, TRIANGLE_BYTES, area_normal, bytes_of, corners_of, parts, read_all,
+};
 use crate::error::{Error, Result};
-use crate::lattice::{cross, dot, minus, mix, morton};
+use crate::lattice::{cross, dot, minus, mix};
 use crate::progress::Progress;
-use crate::soup::{Facets, runs};
-use std::ops::Range;
+use crate::soup::Facets;
 use std::path::Path;
 
 /// Triangles in a run of boxes, and in a group.
 const RUN: usize = 4;
 const GROUP: usize = 2048;
-const TRIANGLE_BYTES: usize = 36;
-/// Bytes of a triangle while a part of them is sorted.
-const SORTED_BYTES: u64 = 100;
-/// Cubes along the edge of the mesh's box, by binary places, whose triangles are counted.
-const CUBE_BITS: u32 = 6;
-const CUBE_SHIFT: u32 = 63 - 3 * CUBE_BITS;
 /// Feet that are as near as this part of their squares are equally near: of an edge, found from its two sides.
 const TIE: f64 = 1e-9;
 /// A ray that passes so near to an edge, in parts of the triangle, asks another one.
@@ -48,9 +44,6 @@ struct Group {
     boxes: Boxes,
 }
 
-/// Corners of a triangle.
-type Corners = [[f32; 3]; 3];
-
 impl Group {
     fn of(corners: Vec<Corners>) -> Group {
         let block = |facet: &Corners| block_of(facet.iter().map(|c| c.map(f64::from)), 0.0);
@@ -61,14 +54,11 @@ impl Group {
 
 impl Spill for Group {
     fn bytes(&self) -> Vec<u8> {
-        self.corners.as_flattened().as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect()
+        bytes_of(&self.corners)
     }
 
     fn of_bytes(bytes: &[u8]) -> Option<Group> {
-        let (facets, rest) = bytes.as_chunks::<TRIANGLE_BYTES>();
-        let number = |b: &[u8; TRIANGLE_BYTES], n: usize| f32::from_le_bytes(std::array::from_fn(|k| b[4 * n + k]));
-        let corners = |b| std::array::from_fn(|n| std::array::from_fn(|a| number(b, 3 * n + a)));
-        rest.is_empty().then(|| Group::of(facets.iter().map(corners).collect()))
+        corners_of(bytes).map(Group::of)
     }
 
     fn heap_bytes(&self) -> usize {
@@ -87,41 +77,9 @@ pub struct Nearest {
     pub distance: f64,
 }
 
-/// The cube around all corners, along whose curve triangles are sorted.
-#[derive(Clone, Copy)]
-struct Extent {
-    low: [f32; 3],
-    size: f32,
-}
-
-impl Extent {
-    /// The place of a triangle along the curve, of 63 bits.
-    fn place(&self, facet: &Corners) -> u64 {
-        morton(std::array::from_fn(|a| {
-            let middle = (facet[0][a] + facet[1][a] + facet[2][a]) / 3.0;
-            (((middle - self.low[a]) / self.size).clamp(0.0, 1.0) * 2_097_151.0) as u32
-        }))
-    }
-}
-
-/// Shows all triangles with area, or those that have none, too.
-fn read_all(sources: &[&dyn Facets], progress: &dyn Progress, mut each: impl FnMut(Corners, bool)) -> Result<()> {
-    let mut read = Vec::new();
-    for (source, range) in runs(sources) {
-        progress.check()?;
-        sources[source].read(range, &mut read);
-        progress.advance(read.len() as u64);
-        for facet in &read {
-            let facet = facet.map(|c| c.map(|c| c as f32));
-            each(facet, area_normal(&facet).is_some());
-        }
-    }
-    Ok(())
-}
-
 impl Triangles {
-    /// Of some sources together, in so many bytes of memory, with a file in `folder` for what does not fit. Sources that do not
-    /// fit are read several times.
+    /// Of some sources together, in so many bytes of memory, with a file in `folder` for what does not fit. Sources are read
+    /// two or three times.
     ///
     /// # Errors
     /// If there are no triangles; what writing the file gives; [`Error::Interrupted`].
@@ -144,22 +102,24 @@ impl Triangles {
                     (0..3).for_each(|a| (low[a], high[a]) = (low[a].min(c[a]), high[a].max(c[a])));
                 }
             }
+            Ok(())
         })?;
         if count == 0 {
             return Err(Error::setting("the reference has no triangle with area", "give a mesh of the part"));
         }
         let size = (0..3).map(|a| high[a] - low[a]).fold(f32::MIN_POSITIVE, f32::max);
-        let extent = Extent { low, size };
+        let extent = Extent::new(low, size);
         let mut groups = Spilled::new(memory, folder);
         let (mut blocks, mut rest) = (Vec::new(), Vec::new());
-        for part in parts(sources, extent, count, memory, progress)? {
-            progress.phase("sorting the reference", Some(total), "facets");
-            let mut corners: Vec<Corners> = Vec::new();
-            read_all(sources, progress, |facet, has_area| {
-                if has_area && part.contains(&(extent.place(&facet) >> CUBE_SHIFT)) {
-                    corners.push(facet);
-                }
-            })?;
+        let parts = parts(sources, extent, count, memory, progress)?;
+        progress.phase("sorting the reference", Some(total), "facets");
+        let mut sorter = PartSorter::new(&parts, count.min((memory / 4) as usize / TRIANGLE_BYTES), folder);
+        read_all(sources, progress, |facet, has_area| {
+            if has_area { sorter.add(extent.cube(&facet), facet) } else { Ok(()) }
+        })?;
+        for part in 0..parts.len() {
+            progress.check()?;
+            let mut corners = sorter.part(part)?;
             corners.sort_by_cached_key(|facet| extent.place(facet));
             rest.append(&mut corners);
             let whole = rest.len() / GROUP * GROUP;
@@ -273,38 +233,6 @@ fn within(facet: &Corners, number: usize) -> [f64; 3] {
     }
     let [a, b, c] = facet.map(|c| c.map(f64::from));
     std::array::from_fn(|n| a[n] + s * (b[n] - a[n]) + t * (c[n] - a[n]))
-}
-
-/// Runs of cubes along the curve, each with as many triangles as may be sorted at once.
-fn parts(
-    sources: &[&dyn Facets],
-    extent: Extent,
-    count: usize,
-    memory: u64,
-    progress: &dyn Progress,
-) -> Result<Vec<Range<u64>>> {
-    let cubes = 1u64 << (3 * CUBE_BITS);
-    let most = (memory / 2 / SORTED_BYTES).max(1);
-    if count as u64 <= most {
-        return Ok(std::iter::once(0..cubes).collect());
-    }
-    progress.phase("counting the reference", None, "facets");
-    let mut counts = vec![0u32; cubes as usize];
-    read_all(sources, progress, |facet, has_area| {
-        if has_area {
-            counts[(extent.place(&facet) >> CUBE_SHIFT) as usize] += 1;
-        }
-    })?;
-    let (mut parts, mut first, mut held) = (Vec::new(), 0, 0u64);
-    for (cube, &count) in counts.iter().enumerate() {
-        if held > 0 && held + u64::from(count) > most {
-            parts.push(first..cube as u64);
-            (first, held) = (cube as u64, 0);
-        }
-        held += u64::from(count);
-    }
-    parts.push(first..cubes);
-    Ok(parts)
 }
 
 /// Something to ask of triangles.
@@ -457,13 +385,6 @@ fn passed(from: [f64; 3], toward: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Option<
     }
     // Out of the part through a face that is seen from behind.
     Some(if turn < 0.0 { 1 } else { -1 })
-}
-
-fn area_normal(facet: &Corners) -> Option<[f64; 3]> {
-    let [a, b, c] = facet.map(|c| c.map(f64::from));
-    let normal = cross(minus(b, a), minus(c, a));
-    let length = dot(normal, normal).sqrt();
-    (length > 0.0 && length.is_finite()).then(|| normal.map(|c| c / length))
 }
 
 fn area(facet: &Corners) -> f64 {
