@@ -374,6 +374,28 @@ fn deviations_are_those_of_all_triangles_with_the_right_sign() {
     assert!(errors[errors.len() * 999 / 1000] < 0.05, "{:?}", &errors[errors.len() - 20..]);
 }
 
+/// A reference and a mesh of which a part at a time is in memory give the same bytes.
+#[test]
+fn deviations_are_the_same_where_not_all_fits() {
+    let dir = Scratch::new();
+    let part = dir.path("s.brf");
+    let ball = stl_of(&dir, "s.stl", &shapes::icosphere(3, 5.0));
+    run(&[&"build", &ball, &"-o", &part, &"--cell", &"1", &"-q"]).ok();
+    let reference = stl_of(&dir, "r.stl", &shapes::icosphere(5, 5.0).scaled([1.04, 0.98, 1.0]));
+    let mut first = None;
+    for (threads, memory) in [("2", "1GiB"), ("1", "1MiB")] {
+        let (out, thick) = (dir.path("d.ply"), dir.path("t.ply"));
+        let args: [&dyn AsRef<std::ffi::OsStr>; 9] =
+            [&"deviation", &part, &reference, &"-o", &out, &"--threads", &threads, &"--memory", &memory];
+        let mut all = args.to_vec();
+        all.push(&"--json");
+        let told = run(&all).json();
+        let walls = run(&[&"thickness", &part, &"-o", &thick, &"--memory", &memory, &"--method", &"ray", &"--json"]).json();
+        let now = (std::fs::read(&out).unwrap(), std::fs::read(&thick).unwrap(), told, walls);
+        assert!(*first.get_or_insert_with(|| now.clone()) == now, "{memory}");
+    }
+}
+
 #[test]
 fn a_shift_a_turn_and_a_bump_are_found() {
     let dir = Scratch::new();
