@@ -242,7 +242,9 @@ fn enclosed(stl: &Path) -> f64 {
     let corner = |b: &[u8]| [number(&b[..4]), number(&b[4..8]), number(&b[8..12])];
     let sixfold = |facet: &[u8]| {
         let [a, b, c] = [12, 24, 36].map(|at| corner(&facet[at..at + 12]));
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
     };
     bytes[84..].chunks_exact(50).map(sixfold).sum::<f64>() / 6.0
 }
@@ -262,7 +264,8 @@ fn a_cube_grown_with_sharp_edges_is_a_cube() {
         let text = format!("{by}");
         let mut bytes = None;
         for threads in ["2", "1"] {
-            run(&[&"offset", &part, &"--by", &text, &"--sharp", &"-o", &out, &"-q", &"--threads", &threads]).ok();
+            run(&[&"offset", &part, &"--by", &text, &"--sharp", &"-o", &out, &"-q", &"--threads", &threads])
+                .ok();
             let now = std::fs::read(&out).unwrap();
             assert!(*bytes.get_or_insert_with(|| now.clone()) == now);
         }
@@ -293,7 +296,12 @@ fn a_cube_grown_with_sharp_edges_is_a_cube() {
     let round = dir.path("r.brf");
     run(&[&"offset", &part, &"--by", &"0.9", &"-o", &round, &"-q"]).ok();
     let (limited, round) = (crossings(&out).0, crossings(&round).0);
-    assert!((limited.len() as f64 / round.len() as f64 - 1.0).abs() < 0.01, "{} {}", limited.len(), round.len());
+    assert!(
+        (limited.len() as f64 / round.len() as f64 - 1.0).abs() < 0.01,
+        "{} {}",
+        limited.len(),
+        round.len()
+    );
     for (args, words) in [
         (vec!["--by", "-0.3", "--sharp"], "is for lengths outward"),
         (vec!["--shell", "0.3", "--sharp"], "cannot be used with"),
@@ -390,7 +398,9 @@ fn deviations_are_the_same_where_not_all_fits() {
         let mut all = args.to_vec();
         all.push(&"--json");
         let told = run(&all).json();
-        let walls = run(&[&"thickness", &part, &"-o", &thick, &"--memory", &memory, &"--method", &"ray", &"--json"]).json();
+        let walls =
+            run(&[&"thickness", &part, &"-o", &thick, &"--memory", &memory, &"--method", &"ray", &"--json"])
+                .json();
         let now = (std::fs::read(&out).unwrap(), std::fs::read(&thick).unwrap(), told, walls);
         assert!(*first.get_or_insert_with(|| now.clone()) == now, "{memory}");
     }

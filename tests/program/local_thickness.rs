@@ -86,8 +86,9 @@ fn a_box_has_the_balls_of_its_formula_in_every_format() {
     let steps = 40;
     let middle = |a: usize, n: usize| HALF[a] * ((2 * n + 1) as f64 / steps as f64 - 1.0);
     let all = (0..steps).flat_map(|i| (0..steps).flat_map(move |j| (0..steps).map(move |k| [i, j, k])));
-    let truth: f64 = all.map(|[i, j, k]| of_box([middle(0, i), middle(1, j), middle(2, k)]).unwrap()).sum::<f64>()
-        / (steps * steps * steps) as f64;
+    let truth: f64 =
+        all.map(|[i, j, k]| of_box([middle(0, i), middle(1, j), middle(2, k)]).unwrap()).sum::<f64>()
+            / (steps * steps * steps) as f64;
     assert!((number("mean") - truth).abs() <= number("mean_error"), "{told} {truth}");
     let bars = told["histogram"]["counts"].as_array().unwrap();
     assert_eq!(bars.iter().map(|bar| bar.as_u64().unwrap()).sum::<u64>(), count as u64);
@@ -111,8 +112,18 @@ fn volumes_have_the_same_bytes_and_bad_ones_are_refused() {
     for (threads, memory) in [("1", "1GiB"), ("3", "64MiB")] {
         let (out, ply) = (dir.path("t.raw"), dir.path("t.ply"));
         let args: [&dyn AsRef<std::ffi::OsStr>; 12] = [
-            &"thickness", &part, &"-o", &ply, &"--volume", &out, &"-q", &"--threads", &threads, &"--memory",
-            &memory, &"--json",
+            &"thickness",
+            &part,
+            &"-o",
+            &ply,
+            &"--volume",
+            &out,
+            &"-q",
+            &"--threads",
+            &threads,
+            &"--memory",
+            &memory,
+            &"--json",
         ];
         let told = run(&args).json();
         assert!(told["vertices"].as_u64() > Some(100) && told["volume"]["samples"].as_u64() > Some(100));
@@ -120,7 +131,8 @@ fn volumes_have_the_same_bytes_and_bad_ones_are_refused() {
         assert!(*first.get_or_insert_with(|| bytes.clone()) == bytes, "{threads}");
     }
     let gaps = dir.path("g.mha");
-    let told = run(&[&"thickness", &part, &"--gaps", &"--volume", &gaps, &"--widest", &"2mm", &"--json"]).json();
+    let told =
+        run(&[&"thickness", &part, &"--gaps", &"--volume", &gaps, &"--widest", &"2mm", &"--json"]).json();
     assert_eq!(told["volume"]["samples"].as_u64(), Some(0), "{told}");
     run(&[&"thickness", &part, &"--gaps", &"--volume", &gaps]).misused();
     run(&[&"thickness", &part, &"--volume", &dir.path("x.png")]).misused();

@@ -13,7 +13,9 @@ use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
     Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
-use brickfield_engine::distance::{ALIGNED_POINTS, Align, Region, ScalarPly, Sides, Surface, Triangles, align};
+use brickfield_engine::distance::{
+    ALIGNED_POINTS, Align, Region, ScalarPly, Sides, Surface, Triangles, align,
+};
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store, is_store};

@@ -31,12 +31,7 @@ pub(super) struct BallTree {
 
 impl BallTree {
     /// Of all crossings, in so many bytes.
-    pub fn new(
-        medium: &Medium<'_>,
-        memory: u64,
-        folder: &Path,
-        progress: &dyn Progress,
-    ) -> Result<BallTree> {
+    pub fn new(medium: &Medium<'_>, memory: u64, folder: &Path, progress: &dyn Progress) -> Result<BallTree> {
         let leaves = medium.surface.leaves().len();
         progress.phase("balls", Some(leaves as u64), "bricks");
         let mut groups = Spilled::new(memory, folder);
@@ -106,7 +101,8 @@ impl Question for Near {
 }
 
 fn block(balls: &[InscribedBall]) -> Block {
-    let ends = balls.iter().flat_map(|ball| [-1.0, 1.0].map(|sign| ball.centre.map(|c| c + sign * ball.radius)));
+    let ends =
+        balls.iter().flat_map(|ball| [-1.0, 1.0].map(|sign| ball.centre.map(|c| c + sign * ball.radius)));
     block_of(ends, 1e-3)
 }
 

@@ -188,8 +188,7 @@ impl Spread {
             squares += value * value;
         })?;
         let place = |share: f64| ((points as f64 * share / 100.0).ceil() as usize).clamp(1, points) - 1;
-        let ranks: Vec<usize> =
-            PERCENTILES.into_iter().map(place).chain([0, points - 1]).collect();
+        let ranks: Vec<usize> = PERCENTILES.into_iter().map(place).chain([0, points - 1]).collect();
         let told = values.at_ranks(&ranks)?;
         let (percentiles, ends) = told.split_at(PERCENTILES.len());
         Ok(Spread {

@@ -3,8 +3,9 @@
 //! Whatever its centre, a ball whose radius is the distance of the centre from the surface holds no surface. So a place that is
 //! wrong costs size and never truth.
 
+use super::patch::Shape;
 use super::sides::Sides;
-use super::surface::{BallAt, Surface};
+use super::surface::{BallAt, Place, Surface};
 use super::thickness::{PreviousContact, largest_ball};
 use crate::error::Result;
 use crate::lattice::{dot, minus};
@@ -17,6 +18,9 @@ pub(super) const SLOPE: f64 = 0.1;
 const PENALTY: f64 = 8.0;
 /// By so many cells a ball may miss its point: distances are off by that.
 pub(super) const MISS: f64 = 0.003;
+/// By so many cells and such a part of the radius, and more, a bent patch reaches into a ball before it bounds it.
+const INTO: f64 = 8e-4;
+const INTO_PART: f64 = 3e-4;
 /// Steps of a climb in cells: the first, the longest, and the one that is too short.
 const FIRST_STEP: f64 = 0.15;
 const LONGEST_STEP: f64 = 1.0;
@@ -128,22 +132,42 @@ impl Medium<'_> {
         let toward = if self.gaps { outward } else { outward.map(|c| -c) };
         let touch = BallAt { at: place, toward, outward };
         let found = largest_ball(self.surface, touch, (self.most, APART), !self.gaps, last)?;
-        let radius = found.map_or(self.most, |(radius, _)| radius.min(self.most));
+        let Some((radius, bound)) = found else {
+            return self.ball_at(along(place, toward, self.most), self.most);
+        };
         let centre = along(place, toward, radius);
-        let Some(mut ball) = self.ball_at(centre, radius * 1.01 + 0.1)? else { return Ok(None) };
-        let Some((_, bound)) = found.filter(|_| !ball.is_flat) else { return Ok(Some(ball)) };
+        let Some(mut ball) = self.checked(centre, radius, bound.place)? else { return Ok(None) };
         let other = unit(minus(centre, bound.at));
         let up: [f64; 3] = std::array::from_fn(|a| 0.5 * (toward[a] + other[a]));
         let slope = length(up);
-        if slope < SLOPE {
+        if slope < SLOPE || ball.is_flat {
             ball.is_flat = true;
             return Ok(Some(ball));
         }
-        let beside = self.depth(along(centre, unit(up), 1.0), ball.radius + 1.0)?;
-        if beside.is_none_or(|(radius, _)| radius < ball.radius + 0.7 * slope) {
-            return self.climbed(ball, None).map(Some);
+        let (at, enough) = (along(centre, unit(up), 1.0), ball.radius + 0.7 * slope);
+        let Some(foot) = self.surface.closest(at, enough)? else { return Ok(Some(ball)) };
+        if self.sides.inside(at, foot.distance, foot.inside)? == self.gaps {
+            return Ok(Some(ball));
         }
-        Ok(Some(ball))
+        let touching = |slope| Trial { at: centre, value: ball.radius, slope };
+        let beside = Trial { at, value: foot.distance, slope: unit(minus(at, foot.at)) };
+        self.climbed_from(ball, None, vec![touching(toward), touching(other), beside]).map(Some)
+    }
+
+    /// A ball that one patch bounds, without what of others reaches into it. Bent patches may do so by little, and those that
+    /// touch a ball in a tube are many; they are not asked by how much.
+    fn checked(&self, centre: [f64; 3], radius: f64, bound: Place) -> Result<Option<InscribedBall>> {
+        let is_plane =
+            self.surface.with(bound.leaf as usize, |piece| Ok(piece.patch(bound).shape == Shape::Plane))?;
+        let within = if is_plane { radius * (1.0 - 1e-6) } else { radius * (1.0 - INTO_PART) - INTO };
+        if within <= 0.0 {
+            return self.ball_at(centre, radius + 0.1);
+        }
+        let foot = self.surface.closest(centre, within)?;
+        let (radius, says) = foot.map_or((within, !self.gaps), |foot| (foot.distance, foot.inside));
+        let inside = self.sides.inside(centre, radius, says)?;
+        let is_flat = radius >= self.most * (1.0 - 1e-6);
+        Ok((inside != self.gaps).then_some(InscribedBall { centre, radius, is_flat }))
     }
 
     /// A ball moved to where it is largest, nearby, and, if a place is given, holds that place.
@@ -151,6 +175,17 @@ impl Medium<'_> {
     /// Depth grows along the way from the foot, but has many feet on the medial axis. So directions of trials are remembered,
     /// and the next one is that along which all of them grow (bundle methods, Lemaréchal 1975).
     pub fn climbed(&self, ball: InscribedBall, place: Option<[f64; 3]>) -> Result<InscribedBall> {
+        let Some((depth, away)) = self.depth(ball.centre, ball.radius + 0.01)? else { return Ok(ball) };
+        self.climbed_from(ball, place, vec![Trial { at: ball.centre, value: depth, slope: away }])
+    }
+
+    /// See [`Medium::climbed`]; the first of what was seen is of the ball's centre, whose depth is its value.
+    fn climbed_from(
+        &self,
+        ball: InscribedBall,
+        place: Option<[f64; 3]>,
+        seen: Vec<Trial>,
+    ) -> Result<InscribedBall> {
         // What grows at a place, and the direction in which it does.
         let goal = |at: [f64; 3], (depth, away): Depth| -> (f64, [f64; 3]) {
             let Some(place) = place else { return (depth, away) };
@@ -165,11 +200,13 @@ impl Medium<'_> {
         };
         let holds = |at: [f64; 3], depth: f64| place.is_none_or(|p| length(minus(at, p)) <= depth + MISS);
         let mut best = ball;
-        let Some(depth) = self.depth(ball.centre, ball.radius + 0.01)? else { return Ok(ball) };
-        let (value, slope) = goal(ball.centre, depth);
-        let mut here = Trial { at: ball.centre, value, slope };
-        let mut trials = vec![here];
-        let (mut step, mut reach) = (FIRST_STEP, depth.0);
+        let mut reach = seen[0].value;
+        let weighed = |trial: Trial| {
+            let (value, slope) = goal(trial.at, (trial.value, trial.slope));
+            Trial { value, slope, ..trial }
+        };
+        let mut trials: Vec<Trial> = seen.into_iter().map(weighed).collect();
+        let (mut here, mut step) = (trials[0], FIRST_STEP);
         for _ in 0..TRIALS {
             let (up, doubt) = least_of_hull(&trials, (here.at, here.value));
             let growth = length(up);

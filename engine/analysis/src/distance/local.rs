@@ -83,7 +83,8 @@ impl<'a> LocalThickness<'a> {
         let places = places.unwrap_or(0);
         let mut nodes = BTreeMap::new();
         let tally = Mutex::new(Tally::default());
-        let mut made = LocalThickness { tree, medium, balls, level, step, places, nodes: BTreeMap::new(), tally };
+        let mut made =
+            LocalThickness { tree, medium, balls, level, step, places, nodes: BTreeMap::new(), tally };
         made.divide(NodeKey::ROOT, &mut nodes, progress)?;
         made.nodes = nodes;
         Ok(made)
@@ -181,7 +182,8 @@ impl<'a> LocalThickness<'a> {
             take(medium.touching((foot.at, foot.normal), &mut PreviousContact::default())?);
             take(Some(InscribedBall { centre: at, radius: foot.distance, is_flat: false }));
         }
-        let Some(ball) = best.map_or_else(|| medium.ball_at(at, f64::INFINITY), |ball| Ok(Some(ball)))? else {
+        let Some(ball) = best.map_or_else(|| medium.ball_at(at, f64::INFINITY), |ball| Ok(Some(ball)))?
+        else {
             return Ok(0.0);
         };
         let spare = ball.radius - length(minus(ball.centre, at));
@@ -277,7 +279,8 @@ impl Canvas {
             for y in low[1]..=high[1] {
                 for x in low[0]..=high[0] {
                     if self.least[x + BLOCKS * (y + BLOCKS * z)] < radius {
-                        changed |= self.paint_block([x, y, z], (centre, reach * reach, radius), (ball, &mut seen));
+                        changed |=
+                            self.paint_block([x, y, z], (centre, reach * reach, radius), (ball, &mut seen));
                     }
                 }
             }

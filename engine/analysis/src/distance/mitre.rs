@@ -113,7 +113,8 @@ impl Mitres {
         }
         let reach = (dot(away, away).sqrt() / self.limit, away);
         let heights = planes.iter().map(|(normal, along)| (dot(*normal, from) - along, *normal));
-        let (height, normal) = heights.fold(reach, |most, height| if height.0 > most.0 { height } else { most });
+        let (height, normal) =
+            heights.fold(reach, |most, height| if height.0 > most.0 { height } else { most });
         let size = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
         let normal = normal.map(|c| c / size);
         Some(Mitre { height, normal, corner: *corner, is_convex: *is_convex })
@@ -170,9 +171,8 @@ fn turned_corners(piece: &Piece) -> Vec<[i64; 3]> {
         let away = minus(b.at.map(f64::from), a.at.map(f64::from));
         dot(a.normal_at(away), b.normal.map(f64::from)) < TURNED
     };
-    let is_turned = |patches: &[&Patch]| {
-        patches.iter().any(|a| patches.iter().any(|b| turns(a, b) && turns(b, a)))
-    };
+    let is_turned =
+        |patches: &[&Patch]| patches.iter().any(|a| patches.iter().any(|b| turns(a, b) && turns(b, a)));
     around.into_iter().filter(|(at, patches)| is_border(at) || is_turned(patches)).map(|(at, _)| at).collect()
 }
 

@@ -71,6 +71,6 @@ pub use numbers::PointNumbers;
 pub use regions::Region;
 pub use scalar_ply::ScalarPly;
 pub use sides::Sides;
-pub use tally::LocalSpread;
 pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
+pub use tally::LocalSpread;
 pub use triangles::{Nearest, Triangles};

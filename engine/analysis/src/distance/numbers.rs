@@ -20,7 +20,8 @@ impl<const N: usize> Spill for Vec<[f32; N]> {
     fn of_bytes(bytes: &[u8]) -> Option<Vec<[f32; N]>> {
         let (numbers, rest) = bytes.as_chunks::<4>();
         let row = |row: &[[u8; 4]]| std::array::from_fn(|n| f32::from_le_bytes(row[n]));
-        (rest.is_empty() && numbers.len().is_multiple_of(N)).then(|| numbers.chunks_exact(N).map(row).collect())
+        (rest.is_empty() && numbers.len().is_multiple_of(N))
+            .then(|| numbers.chunks_exact(N).map(row).collect())
     }
 
     fn heap_bytes(&self) -> usize {
@@ -199,6 +200,10 @@ mod tests {
             let ranks = [0, 1, 17, all.len() / 2, all.len() - 2, all.len() - 1];
             assert_eq!(numbers.at_ranks(&ranks).unwrap(), ranks.map(|rank| f64::from(all[rank])));
         }
-        assert!([-1.5, -0.0, 0.0, 1e-30, 7.0].iter().all(|&n: &f32| of_order(in_order(n)).to_bits() == n.to_bits()));
+        assert!(
+            [-1.5, -0.0, 0.0, 1e-30, 7.0]
+                .iter()
+                .all(|&n: &f32| of_order(in_order(n)).to_bits() == n.to_bits())
+        );
     }
 }

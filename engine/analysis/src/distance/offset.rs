@@ -172,12 +172,7 @@ impl<'a> OffsetField<'a> {
     }
 
     /// The field with mitres, given the signed distance, and the normal without them.
-    fn mitred(
-        &self,
-        foot: &Foot,
-        from: [f64; 3],
-        (distance, outward): (f64, [f64; 3]),
-    ) -> (f64, [f64; 3]) {
+    fn mitred(&self, foot: &Foot, from: [f64; 3], (distance, outward): (f64, [f64; 3])) -> (f64, [f64; 3]) {
         // What is so near to the part is solid whatever planes do.
         let mitres = self.mitres.as_ref().filter(|_| foot.distance > 0.5 * self.by);
         let mitre = mitres.and_then(|mitres| mitres.at(from, mitres.limit * self.by + 1.0));

@@ -100,8 +100,7 @@ impl Tally {
         let [mean, deviation] = all.moments();
         let apart = |n: usize| {
             let found = self.parts.iter().filter(|part| part.count > 0).map(|part| part.moments()[n]);
-            let (low, high) =
-                found.fold((f64::INFINITY, 0.0f64), |(low, high), m| (low.min(m), high.max(m)));
+            let (low, high) = found.fold((f64::INFINITY, 0.0f64), |(low, high), m| (low.min(m), high.max(m)));
             0.25 * (high - low).max(0.0) * unit + 0.5 * unit + OFF * cell
         };
         let last = self.bars.iter().rposition(|&bar| bar > 0).map_or(0, |last| last + 1);

@@ -48,7 +48,11 @@ impl Extent {
 }
 
 /// Shows all triangles with area, or those that have none, too.
-pub(super) fn read_all(sources: &[&dyn Facets], progress: &dyn Progress, mut each: impl FnMut(Corners, bool) -> Result<()>) -> Result<()> {
+pub(super) fn read_all(
+    sources: &[&dyn Facets],
+    progress: &dyn Progress,
+    mut each: impl FnMut(Corners, bool) -> Result<()>,
+) -> Result<()> {
     let mut read = Vec::new();
     for (source, range) in runs(sources) {
         progress.check()?;
@@ -108,7 +112,11 @@ pub(super) struct PartSorter<'a> {
 
 impl PartSorter<'_> {
     pub fn new<'a>(parts: &'a [Range<u64>], most: usize, folder: &Path) -> PartSorter<'a> {
-        let most = if parts.len() == 1 { usize::MAX } else { (most / parts.len()).clamp(LEAST_WAITING, MOST_WAITING) };
+        let most = if parts.len() == 1 {
+            usize::MAX
+        } else {
+            (most / parts.len()).clamp(LEAST_WAITING, MOST_WAITING)
+        };
         let (waiting, written) = (vec![Vec::new(); parts.len()], vec![Vec::new(); parts.len()]);
         PartSorter { parts, waiting, written, most, file: TempFile::new(folder) }
     }
@@ -143,7 +151,8 @@ pub(super) fn bytes_of(corners: &[Corners]) -> Vec<u8> {
 
 pub(super) fn corners_of(bytes: &[u8]) -> Option<Vec<Corners>> {
     let (facets, rest) = bytes.as_chunks::<TRIANGLE_BYTES>();
-    let number = |b: &[u8; TRIANGLE_BYTES], n: usize| f32::from_le_bytes(std::array::from_fn(|k| b[4 * n + k]));
+    let number =
+        |b: &[u8; TRIANGLE_BYTES], n: usize| f32::from_le_bytes(std::array::from_fn(|k| b[4 * n + k]));
     let corners = |b| std::array::from_fn(|n| std::array::from_fn(|a| number(b, 3 * n + a)));
     rest.is_empty().then(|| facets.iter().map(corners).collect())
 }
@@ -155,4 +164,3 @@ pub(super) fn area_normal(facet: &Corners) -> Option<[f64; 3]> {
     let length = dot(normal, normal).sqrt();
     (length > 0.0 && length.is_finite()).then(|| normal.map(|c| c / length))
 }
-

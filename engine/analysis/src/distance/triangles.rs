@@ -114,9 +114,13 @@ impl Triangles {
         let parts = parts(sources, extent, count, memory, progress)?;
         progress.phase("sorting the reference", Some(total), "facets");
         let mut sorter = PartSorter::new(&parts, count.min((memory / 4) as usize / TRIANGLE_BYTES), folder);
-        read_all(sources, progress, |facet, has_area| {
-            if has_area { sorter.add(extent.cube(&facet), facet) } else { Ok(()) }
-        })?;
+        read_all(
+            sources,
+            progress,
+            |facet, has_area| {
+                if has_area { sorter.add(extent.cube(&facet), facet) } else { Ok(()) }
+            },
+        )?;
         for part in 0..parts.len() {
             progress.check()?;
             let mut corners = sorter.part(part)?;
@@ -227,7 +231,8 @@ impl Triangles {
 /// A point of a triangle by numbers that look random, the same for every run.
 fn within(facet: &Corners, number: usize) -> [f64; 3] {
     let bits = mix((number as u64).wrapping_mul(crate::lattice::GOLDEN));
-    let (mut s, mut t) = ((bits >> 32) as f64 / 4_294_967_296.0, (bits & 0xffff_ffff) as f64 / 4_294_967_296.0);
+    let (mut s, mut t) =
+        ((bits >> 32) as f64 / 4_294_967_296.0, (bits & 0xffff_ffff) as f64 / 4_294_967_296.0);
     if s + t > 1.0 {
         (s, t) = (1.0 - s, 1.0 - t);
     }
@@ -453,9 +458,8 @@ mod tests {
     fn what_does_not_fit_gives_the_same_numbers() {
         // A ball of facets, which are many, and a far one that makes most cubes empty.
         let facet = |n: u64| -> [[f64; 3]; 3] {
-            let corner = |k: u64| {
-                [0, 1, 2].map(|a| (mix(9 * n + 3 * k + a) >> 11) as f64 / (1u64 << 53) as f64)
-            };
+            let corner =
+                |k: u64| [0, 1, 2].map(|a| (mix(9 * n + 3 * k + a) >> 11) as f64 / (1u64 << 53) as f64);
             let middle = corner(7).map(|c| 20.0 * c);
             [0, 1, 2].map(|k| std::array::from_fn(|a| middle[a] + corner(k)[a]))
         };
