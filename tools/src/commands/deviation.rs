@@ -50,7 +50,7 @@ const COLUMNS: [&str; 11] = [
 
 /// What a part is compared with, opened.
 pub(super) enum OpenReference {
-    Mesh(Triangles),
+    Mesh(Box<Triangles>),
     Store(Box<(Surface, Store)>),
 }
 
@@ -215,7 +215,7 @@ pub(super) fn open_reference(
     if !triangles.is_closed() {
         warn(&format!("{name}: the mesh is not closed, so the nearest triangle tells the side of a point"));
     }
-    Ok(OpenReference::Mesh(triangles))
+    Ok(OpenReference::Mesh(Box::new(triangles)))
 }
 
 /// A number rounded to a step, without the sign of zero.

@@ -19,17 +19,19 @@ const PENALTY: f64 = 8.0;
 /// By so many cells a ball may miss its point: distances are off by that.
 pub(super) const MISS: f64 = 0.003;
 /// By so many cells and such a part of the radius, and more, a bent patch reaches into a ball before it bounds it.
-const INTO: f64 = 8e-4;
-const INTO_PART: f64 = 3e-4;
+pub(super) const INTO: f64 = 8e-4;
+pub(super) const INTO_PART: f64 = 3e-4;
 /// Steps of a climb in cells: the first, the longest, and the one that is too short.
 const FIRST_STEP: f64 = 0.15;
 const LONGEST_STEP: f64 = 1.0;
 const LAST_STEP: f64 = 0.01;
 /// Distances that a climb asks for at most.
 const TRIALS: usize = 30;
-/// A place is the highest nearby where what is seen around grows by less than this, and tells of no more than so many cells.
-const FLAT: f64 = 0.02;
+/// A place is the highest nearby where what is seen around grows by less than this, and tells of no more than so
+/// many cells, or such a part of the radius.
+const FLAT: f64 = 0.05;
 const ENOUGH: f64 = 0.01;
+const ENOUGH_PART: f64 = 0.002;
 /// Directions that are remembered.
 const DIRECTIONS: usize = 6;
 
@@ -207,16 +209,17 @@ impl Medium<'_> {
         };
         let mut trials: Vec<Trial> = seen.into_iter().map(weighed).collect();
         let (mut here, mut step) = (trials[0], FIRST_STEP);
+        let enough = ENOUGH.max(ENOUGH_PART * ball.radius);
         for _ in 0..TRIALS {
             let (up, doubt) = least_of_hull(&trials, (here.at, here.value));
             let growth = length(up);
-            if step < LAST_STEP || growth < FLAT && doubt < ENOUGH {
+            if step < LAST_STEP || growth < FLAT && doubt < enough {
                 best.is_flat |= place.is_none();
                 break;
             }
             if growth < FLAT {
                 // What was seen too far away tells nothing of this place.
-                trials.retain(|trial| trial.doubt(here.at, here.value) < ENOUGH);
+                trials.retain(|trial| trial.doubt(here.at, here.value) < enough);
                 trials.push(here);
                 step *= 0.5;
                 continue;

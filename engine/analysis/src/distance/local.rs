@@ -5,7 +5,7 @@
 //! the one that was painted climbs as far as it holds the sample.
 
 use super::balls::BallTree;
-use super::inscribed::{InscribedBall, MISS, Medium, length};
+use super::inscribed::{INTO, INTO_PART, InscribedBall, MISS, Medium, length};
 use super::sides::{DeepBrick, Sides};
 use super::surface::Surface;
 use super::tally::{LocalSpread, Tally};
@@ -173,7 +173,7 @@ impl<'a> LocalThickness<'a> {
         let mut best = painted;
         if let Some(foot) = medium.surface.closest(at, NEAR)? {
             let mut take = |ball: Option<InscribedBall>| {
-                if let Some(ball) = ball.filter(|ball| length(minus(ball.centre, at)) <= ball.radius + MISS)
+                if let Some(ball) = ball.filter(|ball| length(minus(ball.centre, at)) <= ball.radius + slack(ball.radius))
                     && best.is_none_or(|best| ball.radius > best.radius)
                 {
                     best = Some(ball);
@@ -212,6 +212,11 @@ impl<'a> LocalThickness<'a> {
         tally.add(key, &samples);
         Ok(samples)
     }
+}
+
+/// What a ball may lack at the foot that it touches.
+fn slack(radius: f64) -> f64 {
+    MISS + INTO + INTO_PART * radius
 }
 
 /// The largest ball so far at each sample of a brick.
