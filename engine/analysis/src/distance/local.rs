@@ -173,7 +173,8 @@ impl<'a> LocalThickness<'a> {
         let mut best = painted;
         if let Some(foot) = medium.surface.closest(at, NEAR)? {
             let mut take = |ball: Option<InscribedBall>| {
-                if let Some(ball) = ball.filter(|ball| length(minus(ball.centre, at)) <= ball.radius + slack(ball.radius))
+                if let Some(ball) =
+                    ball.filter(|ball| length(minus(ball.centre, at)) <= ball.radius + slack(ball.radius))
                     && best.is_none_or(|best| ball.radius > best.radius)
                 {
                     best = Some(ball);
