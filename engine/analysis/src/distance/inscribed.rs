@@ -55,7 +55,7 @@ pub(super) struct Medium<'a> {
 }
 
 /// The distance of a place from the surface, and the unit vector from there.
-type Depth = (f64, [f64; 3]);
+type DepthAt = (f64, [f64; 3]);
 
 pub(super) fn length(v: [f64; 3]) -> f64 {
     dot(v, v).sqrt()
@@ -106,7 +106,7 @@ fn least_of_hull(trials: &[Trial], (at, value): ([f64; 3], f64)) -> ([f64; 3], f
 
 impl Medium<'_> {
     /// How deep a place is, likely at most so many cells; `None` on the other side of the surface.
-    fn depth(&self, at: [f64; 3], within: f64) -> Result<Option<Depth>> {
+    fn depth(&self, at: [f64; 3], within: f64) -> Result<Option<DepthAt>> {
         let mut foot = self.surface.closest(at, within.min(self.most))?;
         if foot.is_none() && within < self.most {
             foot = self.surface.closest(at, self.most)?;
@@ -189,7 +189,7 @@ impl Medium<'_> {
         seen: Vec<Trial>,
     ) -> Result<InscribedBall> {
         // What grows at a place, and the direction in which it does.
-        let goal = |at: [f64; 3], (depth, away): Depth| -> (f64, [f64; 3]) {
+        let goal = |at: [f64; 3], (depth, away): DepthAt| -> (f64, [f64; 3]) {
             let Some(place) = place else { return (depth, away) };
             let to = minus(at, place);
             let miss = length(to) - depth;

@@ -8,7 +8,7 @@ use super::balls::BallTree;
 use super::inscribed::{INTO, INTO_PART, InscribedBall, MISS, Medium, length};
 use super::sides::{DeepBrick, Sides};
 use super::surface::Surface;
-use super::tally::{LocalSpread, Tally};
+use super::tally::{LocalSpread, LocalTally};
 use super::thickness::{PreviousContact, farthest};
 use crate::brick::{Brick, Hermite, POINTS, Samples};
 use crate::error::{Error, Result};
@@ -49,7 +49,7 @@ pub struct LocalThickness<'a> {
     step: f64,
     places: u8,
     nodes: BTreeMap<NodeKey, NodeInfo>,
-    tally: Mutex<Tally>,
+    tally: Mutex<LocalTally>,
 }
 
 impl<'a> LocalThickness<'a> {
@@ -82,7 +82,7 @@ impl<'a> LocalThickness<'a> {
         let places = (0..=MOST_PLACES).rev().find(|&p| widest * f64::from(1u32 << p) < f64::from(i16::MAX));
         let places = places.unwrap_or(0);
         let mut nodes = BTreeMap::new();
-        let tally = Mutex::new(Tally::default());
+        let tally = Mutex::new(LocalTally::default());
         let mut made =
             LocalThickness { tree, medium, balls, level, step, places, nodes: BTreeMap::new(), tally };
         made.divide(NodeKey::ROOT, &mut nodes, progress)?;
@@ -196,7 +196,7 @@ impl<'a> LocalThickness<'a> {
 
     fn samples(&self, key: NodeKey) -> Result<Samples> {
         let first = key.position().map(|p| f64::from(p) * BRICK_CELLS as f64 * self.step);
-        let canvas = Canvas::painted(self, first)?;
+        let canvas = BallCanvas::painted(self, first)?;
         let one = f64::from(1u32 << self.places) / self.step;
         let most = self.medium.most;
         let mut samples = Samples::fractions(self.places);
@@ -221,7 +221,7 @@ fn slack(radius: f64) -> f64 {
 }
 
 /// The largest ball so far at each sample of a brick.
-struct Canvas {
+struct BallCanvas {
     first: [f64; 3],
     step: f64,
     /// Its radius; infinite where nothing is measured.
@@ -234,11 +234,11 @@ struct Canvas {
     least_of_all: f32,
 }
 
-impl Canvas {
-    fn painted(local: &LocalThickness<'_>, first: [f64; 3]) -> Result<Canvas> {
+impl BallCanvas {
+    fn painted(local: &LocalThickness<'_>, first: [f64; 3]) -> Result<BallCanvas> {
         let measured = local.measured(first)?;
         let start = |&is: &bool| if is { 0.0 } else { f32::INFINITY };
-        let mut canvas = Canvas {
+        let mut canvas = BallCanvas {
             first,
             step: local.step,
             radius: measured.iter().map(start).collect(),

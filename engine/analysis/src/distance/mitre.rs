@@ -28,12 +28,12 @@ const BESIDE: f64 = 1.25;
 const PARTS: f64 = 512.0;
 
 /// A plane: its outward unit normal, and how far along it from the origin.
-type Plane = ([f64; 3], f64);
+type CreasePlane = ([f64; 3], f64);
 
 /// What is known around a corner of patches on a convex crease.
 #[derive(Clone)]
-struct Crease {
-    planes: Vec<Plane>,
+struct ConvexCrease {
+    planes: Vec<CreasePlane>,
     /// Whether all of them meet convexly, so that no distance from them is less than their height.
     is_convex: bool,
 }
@@ -58,7 +58,7 @@ impl Mitre {
 
 /// The convex creases of a surface.
 pub(super) struct Mitres {
-    corners: Vec<([f64; 3], Crease)>,
+    corners: Vec<([f64; 3], ConvexCrease)>,
     boxes: Boxes,
     /// How far mitres reach from the crease, as a multiple of the offset.
     pub limit: f64,
@@ -68,7 +68,7 @@ impl Mitres {
     /// Of a surface, in so many bytes.
     pub fn of(surface: &Surface, limit: f64, memory: u64, progress: &dyn Progress) -> Result<Mitres> {
         progress.phase("edges", Some(surface.leaves().len() as u64), "bricks");
-        let mut found: BTreeMap<[i64; 3], Crease> = BTreeMap::new();
+        let mut found: BTreeMap<[i64; 3], ConvexCrease> = BTreeMap::new();
         let mut bytes = 0;
         let make = |_: &mut (), leaf: usize| {
             progress.check()?;
@@ -76,14 +76,15 @@ impl Mitres {
             let mut met = Vec::new();
             for corner in corners {
                 let at = corner.map(|c| c as f64 / PARTS);
-                let crease = surface.ask(Meeting::new(at))?.crease();
+                let crease = surface.ask(FacesAround::new(at))?.crease();
                 met.extend(crease.map(|crease| (corner, crease)));
             }
             Ok(met)
         };
-        let take = |met: Vec<([i64; 3], Crease)>| {
+        let take = |met: Vec<([i64; 3], ConvexCrease)>| {
             progress.advance(1);
-            let planes = |(_, crease): &([i64; 3], Crease)| size_of_val(crease.planes.as_slice()) as u64;
+            let planes =
+                |(_, crease): &([i64; 3], ConvexCrease)| size_of_val(crease.planes.as_slice()) as u64;
             bytes += met.iter().map(|crease| 112 + planes(crease)).sum::<u64>();
             if bytes > memory {
                 return Err(Error::setting(
@@ -99,14 +100,14 @@ impl Mitres {
         let mut corners: Vec<_> = found.into_iter().map(|(at, crease)| (place(at), crease)).collect();
         // Neighbours in a box are near.
         corners.sort_by_cached_key(|(at, _)| crate::lattice::morton(at.map(|c| (c.max(0.0) * 8.0) as u32)));
-        let block = |(at, _): &([f64; 3], Crease)| block_of(std::iter::once(*at), 0.0);
+        let block = |(at, _): &([f64; 3], ConvexCrease)| block_of(std::iter::once(*at), 0.0);
         let boxes = Boxes::new(corners.iter().map(block), 1);
         Ok(Mitres { corners, boxes, limit })
     }
 
     /// How high a place is over the planes of the nearest crease, if it lies outward of one that is within so many cells.
     pub fn at(&self, from: [f64; 3], within: f64) -> Option<Mitre> {
-        let (corner, Crease { planes, is_convex }) = self.nearest(from, within)?;
+        let (corner, ConvexCrease { planes, is_convex }) = self.nearest(from, within)?;
         let away = minus(from, *corner);
         if beside_cone(away, planes) > BESIDE {
             return None;
@@ -120,7 +121,7 @@ impl Mitres {
         Some(Mitre { height, normal, corner: *corner, is_convex: *is_convex })
     }
 
-    fn nearest(&self, from: [f64; 3], within: f64) -> Option<&([f64; 3], Crease)> {
+    fn nearest(&self, from: [f64; 3], within: f64) -> Option<&([f64; 3], ConvexCrease)> {
         let probe = Probe::new(from, self.boxes.size());
         let within = within * within;
         let mut near = NearestCorner { corners: &self.corners, from, probe, within, best: None };
@@ -136,7 +137,7 @@ impl Mitres {
 }
 
 /// How far a vector is from the sums of normals with weights of 0 and more (Hildreth 1957).
-fn beside_cone(vector: [f64; 3], planes: &[Plane]) -> f64 {
+fn beside_cone(vector: [f64; 3], planes: &[CreasePlane]) -> f64 {
     let mut weights = vec![0.0f64; planes.len()];
     let mut rest = vector;
     for _ in 0..30 {
@@ -178,50 +179,50 @@ fn turned_corners(piece: &Piece) -> Vec<[i64; 3]> {
 
 /// A face around a corner: its nearest crossing with the normal there, and the sum of all of its crossings.
 #[derive(Clone, Copy)]
-struct Face {
+struct MetFace {
     at: [f64; 3],
     normal: [f64; 3],
     sum: [f64; 3],
     crossings: f64,
 }
 
-impl Face {
+impl MetFace {
     /// Whether the middle of another face lies below this one.
-    fn is_above(&self, other: &Face) -> bool {
+    fn is_above(&self, other: &MetFace) -> bool {
         dot(self.normal, minus(other.sum.map(|c| c / other.crossings), self.at)) < -LOWER
     }
 }
 
 /// The patches around a place.
-struct Meeting {
+struct FacesAround {
     at: [f64; 3],
     probe: Probe,
     /// The square of the distance, where, the crossing, and the normal.
     found: Vec<(f64, Place, [f64; 3], [f64; 3])>,
 }
 
-impl Meeting {
-    fn new(at: [f64; 3]) -> Meeting {
-        Meeting { at, probe: Probe::default(), found: Vec::new() }
+impl FacesAround {
+    fn new(at: [f64; 3]) -> FacesAround {
+        FacesAround { at, probe: Probe::default(), found: Vec::new() }
     }
 
     /// The planes that meet in a convex crease, the nearest of each face.
-    fn crease(mut self) -> Option<Crease> {
+    fn crease(mut self) -> Option<ConvexCrease> {
         self.found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let mut faces: Vec<Face> = Vec::new();
+        let mut faces: Vec<MetFace> = Vec::new();
         for (_, _, at, normal) in self.found {
             match faces.iter_mut().find(|face| dot(face.normal, normal) >= TURNED) {
                 Some(face) => {
                     face.sum = std::array::from_fn(|a| face.sum[a] + at[a]);
                     face.crossings += 1.0;
                 }
-                None => faces.push(Face { at, normal, sum: at, crossings: 1.0 }),
+                None => faces.push(MetFace { at, normal, sum: at, crossings: 1.0 }),
             }
         }
         faces.retain(|face| dot(face.normal, minus(self.at, face.at)) <= THROUGH);
-        let passes = |face: &Face| dot(face.normal, minus(self.at, face.at)).abs() <= THROUGH;
-        let through: Vec<Face> = faces.iter().copied().filter(passes).collect();
-        let pairs = |faces: &[Face]| -> Vec<bool> {
+        let passes = |face: &MetFace| dot(face.normal, minus(self.at, face.at)).abs() <= THROUGH;
+        let through: Vec<MetFace> = faces.iter().copied().filter(passes).collect();
+        let pairs = |faces: &[MetFace]| -> Vec<bool> {
             let pairs = (0..faces.len()).flat_map(|n| (0..n).map(move |m| (n, m)));
             pairs.map(|(n, m)| faces[n].is_above(&faces[m]) && faces[m].is_above(&faces[n])).collect()
         };
@@ -230,11 +231,11 @@ impl Meeting {
         }
         let is_convex = !pairs(&faces).contains(&false);
         let planes = faces.iter().map(|face| (face.normal, dot(face.normal, face.at))).collect();
-        Some(Crease { planes, is_convex })
+        Some(ConvexCrease { planes, is_convex })
     }
 }
 
-impl PatchQuestion for Meeting {
+impl PatchQuestion for FacesAround {
     fn count_from(&mut self, base: [f64; 3], size: f32) {
         self.probe = Probe::new(minus(self.at, base), size);
     }
@@ -259,7 +260,7 @@ impl PatchQuestion for Meeting {
 
 /// The corner that is nearest to a place.
 struct NearestCorner<'a> {
-    corners: &'a [([f64; 3], Crease)],
+    corners: &'a [([f64; 3], ConvexCrease)],
     from: [f64; 3],
     probe: Probe,
     within: f64,

@@ -30,14 +30,14 @@ impl<const N: usize> Spill for Vec<[f32; N]> {
 }
 
 /// Rows of numbers in order, in memory as far as allowed, and else in a file.
-pub(super) struct Rows<const N: usize> {
+pub(super) struct NumberRows<const N: usize> {
     groups: Spilled<Vec<[f32; N]>>,
     last: Vec<[f32; N]>,
 }
 
-impl<const N: usize> Rows<N> {
-    pub fn new(memory: u64, folder: &Path) -> Rows<N> {
-        Rows { groups: Spilled::new(memory, folder), last: Vec::new() }
+impl<const N: usize> NumberRows<N> {
+    pub fn new(memory: u64, folder: &Path) -> NumberRows<N> {
+        NumberRows { groups: Spilled::new(memory, folder), last: Vec::new() }
     }
 
     pub fn len(&self) -> usize {
@@ -65,14 +65,14 @@ impl<const N: usize> Rows<N> {
 
 /// The numbers of many points, in their order. Those that are not finite count as none.
 pub struct PointNumbers {
-    rows: Rows<1>,
+    rows: NumberRows<1>,
     finite: u64,
 }
 
 impl PointNumbers {
     /// None yet, in so many bytes of memory, with a file in `folder` for what does not fit.
     pub(super) fn new(memory: u64, folder: &Path) -> PointNumbers {
-        PointNumbers { rows: Rows::new(memory, folder), finite: 0 }
+        PointNumbers { rows: NumberRows::new(memory, folder), finite: 0 }
     }
 
     pub(super) fn extend(&mut self, numbers: &[f32]) -> Result<()> {

@@ -1,6 +1,6 @@
 //! The mesh of a store as a PLY file whose vertices have a number.
 
-use super::numbers::{PointNumbers, Rows, numbers};
+use super::numbers::{NumberRows, PointNumbers, numbers};
 use crate::contour::{MeshChunk, MeshEncoding, MeshSink, TriangleBytes, VertexBytes, ply_faces};
 use crate::error::Result;
 use crate::part::PartFile;
@@ -15,7 +15,7 @@ const VERTEX_BYTES: usize = 16;
 pub struct ScalarPly {
     file: PartFile,
     property: &'static str,
-    positions: Rows<3>,
+    positions: NumberRows<3>,
     memory: u64,
     folder: PathBuf,
     faces: u64,
@@ -51,7 +51,7 @@ impl ScalarPly {
         (memory, folder): (u64, &Path),
     ) -> Result<ScalarPly> {
         file.append(header(0, 0, property).as_bytes())?;
-        let positions = Rows::new(memory / 2, folder);
+        let positions = NumberRows::new(memory / 2, folder);
         Ok(ScalarPly { file, property, positions, memory, folder: folder.to_owned(), faces: 0 })
     }
 
@@ -89,7 +89,7 @@ impl ScalarPly {
         progress: &dyn Progress,
         number: impl Fn(&mut L, [f64; 3]) -> Result<f32> + Sync,
     ) -> Result<PointNumbers> {
-        let positions = std::mem::replace(&mut self.positions, Rows::new(0, &self.folder));
+        let positions = std::mem::replace(&mut self.positions, NumberRows::new(0, &self.folder));
         let mut found = PointNumbers::new(self.memory / 2, &self.folder);
         progress.phase(self.property, Some(positions.len() as u64), "vertices");
         let mut at = header(0, 0, self.property).len() as u64;

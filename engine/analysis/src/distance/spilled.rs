@@ -17,14 +17,14 @@ pub(super) trait Spill: Sized {
     fn heap_bytes(&self) -> usize;
 }
 
-enum Held<T> {
+enum HeldGroup<T> {
     Here(Arc<T>),
     There { offset: u64, bytes: usize },
 }
 
 /// Groups by number.
 pub(super) struct Spilled<T> {
-    held: Vec<Held<T>>,
+    held: Vec<HeldGroup<T>>,
     file: TempFile,
     cache: BrickCache<T>,
     here: u64,
@@ -47,18 +47,18 @@ impl<T: Spill> Spilled<T> {
         let bytes = group.heap_bytes() as u64;
         if self.here + bytes <= self.memory / 2 {
             self.here += bytes;
-            self.held.push(Held::Here(Arc::new(group)));
+            self.held.push(HeldGroup::Here(Arc::new(group)));
             return Ok(());
         }
         let bytes = group.bytes();
-        self.held.push(Held::There { offset: self.file.append(&bytes)?, bytes: bytes.len() });
+        self.held.push(HeldGroup::There { offset: self.file.append(&bytes)?, bytes: bytes.len() });
         Ok(())
     }
 
     pub fn get(&self, number: usize) -> Result<Arc<T>> {
         let (offset, bytes) = match &self.held[number] {
-            Held::Here(group) => return Ok(group.clone()),
-            Held::There { offset, bytes } => (*offset, *bytes),
+            HeldGroup::Here(group) => return Ok(group.clone()),
+            HeldGroup::There { offset, bytes } => (*offset, *bytes),
         };
         let name = name(number);
         if let Some(group) = name.and_then(|name| self.cache.get(name)) {

@@ -12,15 +12,15 @@ const OFF: f64 = 0.01;
 
 /// Sums over samples, by which of them are even along each axis: eight lattices, of which each tells the same.
 #[derive(Default)]
-pub(super) struct Tally {
+pub(super) struct LocalTally {
     counted: BTreeSet<NodeKey>,
-    parts: [Sums; 8],
+    parts: [ThicknessSums; 8],
     bars: Vec<u64>,
     most: u64,
 }
 
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct ThicknessSums {
     count: u64,
     sum: u64,
     squares: u128,
@@ -50,8 +50,8 @@ pub struct LocalSpread {
     pub bar: f64,
 }
 
-impl Sums {
-    fn add(&mut self, other: &Sums) {
+impl ThicknessSums {
+    fn add(&mut self, other: &ThicknessSums) {
         self.count += other.count;
         self.sum += other.sum;
         self.squares += other.squares;
@@ -65,7 +65,7 @@ impl Sums {
     }
 }
 
-impl Tally {
+impl LocalTally {
     /// Whether a brick was counted.
     pub fn knows(&self, key: NodeKey) -> bool {
         self.counted.contains(&key)
@@ -86,7 +86,11 @@ impl Tally {
                     }
                     self.most = self.most.max(value);
                     let part = i & 1 | (j & 1) << 1 | (k & 1) << 2;
-                    self.parts[part].add(&Sums { count: 1, sum: value, squares: u128::from(value * value) });
+                    self.parts[part].add(&ThicknessSums {
+                        count: 1,
+                        sum: value,
+                        squares: u128::from(value * value),
+                    });
                     self.bars[(value >> BAR_BITS) as usize] += 1;
                 }
             }
@@ -95,7 +99,7 @@ impl Tally {
 
     /// With `unit` the world length of 1, and that of a cell.
     pub fn spread(&self, unit: f64, cell: f64) -> LocalSpread {
-        let mut all = Sums::default();
+        let mut all = ThicknessSums::default();
         self.parts.iter().for_each(|part| all.add(part));
         let [mean, deviation] = all.moments();
         let apart = |n: usize| {

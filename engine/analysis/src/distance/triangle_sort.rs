@@ -19,7 +19,7 @@ const LEAST_WAITING: usize = 64;
 const MOST_WAITING: usize = 1 << 16;
 
 /// Corners of a triangle.
-pub(super) type Corners = [[f32; 3]; 3];
+pub(super) type FacetCorners = [[f32; 3]; 3];
 
 /// The cube around all corners, along whose curve triangles are sorted.
 #[derive(Clone, Copy)]
@@ -34,7 +34,7 @@ impl Extent {
     }
 
     /// The place of a triangle along the curve, of 63 bits.
-    pub fn place(&self, facet: &Corners) -> u64 {
+    pub fn place(&self, facet: &FacetCorners) -> u64 {
         morton(std::array::from_fn(|a| {
             let middle = (facet[0][a] + facet[1][a] + facet[2][a]) / 3.0;
             (((middle - self.low[a]) / self.size).clamp(0.0, 1.0) * 2_097_151.0) as u32
@@ -42,7 +42,7 @@ impl Extent {
     }
 
     /// The cube that it is in.
-    pub fn cube(&self, facet: &Corners) -> u64 {
+    pub fn cube(&self, facet: &FacetCorners) -> u64 {
         self.place(facet) >> CUBE_SHIFT
     }
 }
@@ -51,7 +51,7 @@ impl Extent {
 pub(super) fn read_all(
     sources: &[&dyn Facets],
     progress: &dyn Progress,
-    mut each: impl FnMut(Corners, bool) -> Result<()>,
+    mut each: impl FnMut(FacetCorners, bool) -> Result<()>,
 ) -> Result<()> {
     let mut read = Vec::new();
     for (source, range) in runs(sources) {
@@ -102,7 +102,7 @@ pub(super) fn parts(
 /// Triangles by the part that they belong to, in the order of the input: in memory, or in a file if there are several parts.
 pub(super) struct PartSorter<'a> {
     parts: &'a [Range<u64>],
-    waiting: Vec<Vec<Corners>>,
+    waiting: Vec<Vec<FacetCorners>>,
     /// Where those of each part lie, and how many.
     written: Vec<Vec<(u64, usize)>>,
     /// So many of a part wait at most.
@@ -121,7 +121,7 @@ impl PartSorter<'_> {
         PartSorter { parts, waiting, written, most, file: TempFile::new(folder) }
     }
 
-    pub fn add(&mut self, cube: u64, facet: Corners) -> Result<()> {
+    pub fn add(&mut self, cube: u64, facet: FacetCorners) -> Result<()> {
         let part = self.parts.partition_point(|part| part.end <= cube);
         let waiting = &mut self.waiting[part];
         waiting.push(facet);
@@ -133,7 +133,7 @@ impl PartSorter<'_> {
         Ok(())
     }
 
-    pub fn part(&mut self, part: usize) -> Result<Vec<Corners>> {
+    pub fn part(&mut self, part: usize) -> Result<Vec<FacetCorners>> {
         let mut corners = Vec::new();
         for &(offset, count) in &self.written[part] {
             let mut bytes = vec![0; count * TRIANGLE_BYTES];
@@ -145,11 +145,11 @@ impl PartSorter<'_> {
     }
 }
 
-pub(super) fn bytes_of(corners: &[Corners]) -> Vec<u8> {
+pub(super) fn bytes_of(corners: &[FacetCorners]) -> Vec<u8> {
     corners.as_flattened().as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect()
 }
 
-pub(super) fn corners_of(bytes: &[u8]) -> Option<Vec<Corners>> {
+pub(super) fn corners_of(bytes: &[u8]) -> Option<Vec<FacetCorners>> {
     let (facets, rest) = bytes.as_chunks::<TRIANGLE_BYTES>();
     let number =
         |b: &[u8; TRIANGLE_BYTES], n: usize| f32::from_le_bytes(std::array::from_fn(|k| b[4 * n + k]));
@@ -158,7 +158,7 @@ pub(super) fn corners_of(bytes: &[u8]) -> Option<Vec<Corners>> {
 }
 
 /// The unit normal of a triangle with area.
-pub(super) fn area_normal(facet: &Corners) -> Option<[f64; 3]> {
+pub(super) fn area_normal(facet: &FacetCorners) -> Option<[f64; 3]> {
     let [a, b, c] = facet.map(|c| c.map(f64::from));
     let normal = cross(minus(b, a), minus(c, a));
     let length = dot(normal, normal).sqrt();

@@ -4,7 +4,7 @@ use super::boxes::{Boxes, Lanes, Normals, Probe, Question, WIDE, block_of, recip
 use super::patch::nearest_of_triangle;
 use super::spilled::{Spill, Spilled};
 use super::triangle_sort::{
-    Corners, Extent, PartSorter, TRIANGLE_BYTES, area_normal, bytes_of, corners_of, parts, read_all,
+    Extent, FacetCorners, PartSorter, TRIANGLE_BYTES, area_normal, bytes_of, corners_of, parts, read_all,
 };
 use crate::error::{Error, Result};
 use crate::lattice::{cross, dot, minus, mix};
@@ -40,13 +40,13 @@ pub struct Triangles {
 
 /// Triangles that are near one another.
 struct Group {
-    corners: Vec<Corners>,
+    corners: Vec<FacetCorners>,
     boxes: Boxes,
 }
 
 impl Group {
-    fn of(corners: Vec<Corners>) -> Group {
-        let block = |facet: &Corners| block_of(facet.iter().map(|c| c.map(f64::from)), 0.0);
+    fn of(corners: Vec<FacetCorners>) -> Group {
+        let block = |facet: &FacetCorners| block_of(facet.iter().map(|c| c.map(f64::from)), 0.0);
         let boxes = Boxes::new(corners.iter().map(block), RUN);
         Group { corners, boxes }
     }
@@ -229,7 +229,7 @@ impl Triangles {
 }
 
 /// A point of a triangle by numbers that look random, the same for every run.
-fn within(facet: &Corners, number: usize) -> [f64; 3] {
+fn within(facet: &FacetCorners, number: usize) -> [f64; 3] {
     let bits = mix((number as u64).wrapping_mul(crate::lattice::GOLDEN));
     let (mut s, mut t) =
         ((bits >> 32) as f64 / 4_294_967_296.0, (bits & 0xffff_ffff) as f64 / 4_294_967_296.0);
@@ -247,7 +247,7 @@ trait TriangleQuestion {
     /// See [`Question::counts`].
     fn counts(&self, nearness: f32) -> bool;
     /// Looks at a triangle.
-    fn visit(&mut self, corners: &Corners);
+    fn visit(&mut self, corners: &FacetCorners);
 }
 
 /// A question to the groups of a mesh.
@@ -278,7 +278,7 @@ impl<Q: TriangleQuestion> Question for OfGroups<'_, Q> {
 
 /// A question to the triangles of a group.
 struct OfGroup<'a, Q> {
-    corners: &'a [Corners],
+    corners: &'a [FacetCorners],
     question: &'a mut Q,
     probe: Probe,
 }
@@ -322,7 +322,7 @@ impl TriangleQuestion for NearestOf {
         f64::from(nearness) <= self.within * (1.0 + TIE)
     }
 
-    fn visit(&mut self, corners: &Corners) {
+    fn visit(&mut self, corners: &FacetCorners) {
         let at = nearest_of_triangle(self.from, corners.map(|c| c.map(f64::from)));
         let away = minus(self.from, at);
         let squared = dot(away, away);
@@ -358,7 +358,7 @@ impl TriangleQuestion for Passed {
         self.count.is_some()
     }
 
-    fn visit(&mut self, corners: &Corners) {
+    fn visit(&mut self, corners: &FacetCorners) {
         let corners = corners.map(|c| c.map(f64::from));
         self.count = self.count.and_then(|w| Some(w + passed(self.from, self.toward, corners)?));
     }
@@ -392,7 +392,7 @@ fn passed(from: [f64; 3], toward: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Option<
     Some(if turn < 0.0 { 1 } else { -1 })
 }
 
-fn area(facet: &Corners) -> f64 {
+fn area(facet: &FacetCorners) -> f64 {
     let [a, b, c] = facet.map(|c| c.map(f64::from));
     let normal = cross(minus(b, a), minus(c, a));
     0.5 * dot(normal, normal).sqrt()
