@@ -22,6 +22,7 @@ mod program {
     mod kills;
     mod large_format;
     mod layers;
+    mod local_thickness;
     mod machine;
     mod mesh;
     mod mesh_places;

@@ -235,6 +235,86 @@ fn a_shrunk_box_is_sharp_and_a_grown_one_round() {
     assert!(!dir.path("n.brf").exists() && dir.names().iter().all(|name| !name.ends_with(".part")));
 }
 
+/// The volume that a mesh encloses.
+fn enclosed(stl: &Path) -> f64 {
+    let bytes = std::fs::read(stl).unwrap();
+    let number = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().unwrap()));
+    let corner = |b: &[u8]| [number(&b[..4]), number(&b[4..8]), number(&b[8..12])];
+    let sixfold = |facet: &[u8]| {
+        let [a, b, c] = [12, 24, 36].map(|at| corner(&facet[at..at + 12]));
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+    };
+    bytes[84..].chunks_exact(50).map(sixfold).sum::<f64>() / 6.0
+}
+
+#[test]
+fn a_cube_grown_with_sharp_edges_is_a_cube() {
+    let dir = Scratch::new();
+    let half = [4.0, 3.0, 2.5];
+    let (axis, angle) = ([1.0, 2.0, 3.0], 0.7);
+    let mesh = shapes::cuboid(half.map(|h| -h), half).rotated(axis, angle);
+    let (part, out, stl) = (dir.path("b.brf"), dir.path("o.brf"), dir.path("o.stl"));
+    run(&[&"build", &stl_of(&dir, "b.stl", &mesh), &"-o", &part, &"--cell", &"0.3", &"-q"]).ok();
+    let units = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let axes = Mesh { vertices: units, triangles: Vec::new() }.rotated(axis, angle).vertices;
+    let back = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| dot(axes[a], p)) };
+    for by in [0.9f64, 0.3] {
+        let text = format!("{by}");
+        let mut bytes = None;
+        for threads in ["2", "1"] {
+            run(&[&"offset", &part, &"--by", &text, &"--sharp", &"-o", &out, &"-q", &"--threads", &threads])
+                .ok();
+            let now = std::fs::read(&out).unwrap();
+            assert!(*bytes.get_or_insert_with(|| now.clone()) == now);
+        }
+        let (found, cell) = crossings(&out);
+        let grown = half.map(|h| h + by);
+        let (mut squares, mut most, mut at_edges) = (0.0, 0.0f64, 0);
+        for (at, normal) in &found {
+            let own = back(*at);
+            let error = from_box(own, grown) / cell;
+            squares += error * error;
+            most = most.max(error.abs());
+            // Within a cell of an edge of the grown box.
+            at_edges += usize::from((0..3).filter(|&a| grown[a] - own[a].abs() < cell).count() >= 2);
+            let turned = back(*normal);
+            let face = (0..3).max_by(|&a, &b| turned[a].abs().total_cmp(&turned[b].abs())).unwrap();
+            assert!(turned[face].abs() > 0.999, "{turned:?}: {own:?}, off by {error}");
+        }
+        let rms = (squares / found.len() as f64).sqrt();
+        println!("{by}: {} crossings, {at_edges} at edges, rms {rms}, most {most}", found.len());
+        assert!(at_edges > 100 && most <= 0.05 && rms <= 0.003, "{by}: {most} {rms}");
+        let checked = run(&[&"mesh", &out, &"-o", &stl, &"--check", &"-q"]);
+        assert_eq!(checked.status, Some(0), "{}", checked.stderr);
+        let volume = grown.iter().map(|h| 2.0 * h).product::<f64>();
+        assert!((enclosed(&stl) / volume - 1.0).abs() < 5e-4, "{by}: {} {volume}", enclosed(&stl));
+    }
+    // With the least limit an edge ends where a round one does.
+    run(&[&"offset", &part, &"--by", &"0.9", &"--sharp", &"--mitre-limit", &"1", &"-o", &out, &"-q"]).ok();
+    let round = dir.path("r.brf");
+    run(&[&"offset", &part, &"--by", &"0.9", &"-o", &round, &"-q"]).ok();
+    let (limited, round) = (crossings(&out).0, crossings(&round).0);
+    assert!(
+        (limited.len() as f64 / round.len() as f64 - 1.0).abs() < 0.01,
+        "{} {}",
+        limited.len(),
+        round.len()
+    );
+    for (args, words) in [
+        (vec!["--by", "-0.3", "--sharp"], "is for lengths outward"),
+        (vec!["--shell", "0.3", "--sharp"], "cannot be used with"),
+        (vec!["--by", "0.3", "--mitre-limit", "2"], "--sharp"),
+        (vec!["--by", "0.3", "--sharp", "--mitre-limit", "0.5"], "no number from 1 to 100"),
+    ] {
+        let mut all: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"offset", &part, &"-o", &out];
+        all.extend(args.iter().map(|arg| arg as &dyn AsRef<std::ffi::OsStr>));
+        let text = run(&all).misused();
+        assert!(text.contains(words), "{args:?}: {text}");
+    }
+}
+
 /// The distance of a point from a triangle, from its plane or its sides. Shares nothing with the engine.
 fn from_triangle(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> f64 {
     let cross = |u: [f64; 3], v: [f64; 3]| {
@@ -300,6 +380,30 @@ fn deviations_are_those_of_all_triangles_with_the_right_sign() {
     let mut errors: Vec<f64> = values.iter().zip(&others).map(|(a, b)| (a.1 - b.1).abs() / 0.1).collect();
     errors.sort_by(f64::total_cmp);
     assert!(errors[errors.len() * 999 / 1000] < 0.05, "{:?}", &errors[errors.len() - 20..]);
+}
+
+/// A reference and a mesh of which a part at a time is in memory give the same bytes.
+#[test]
+fn deviations_are_the_same_where_not_all_fits() {
+    let dir = Scratch::new();
+    let part = dir.path("s.brf");
+    let ball = stl_of(&dir, "s.stl", &shapes::icosphere(3, 5.0));
+    run(&[&"build", &ball, &"-o", &part, &"--cell", &"1", &"-q"]).ok();
+    let reference = stl_of(&dir, "r.stl", &shapes::icosphere(5, 5.0).scaled([1.04, 0.98, 1.0]));
+    let mut first = None;
+    for (threads, memory) in [("2", "1GiB"), ("1", "1MiB")] {
+        let (out, thick) = (dir.path("d.ply"), dir.path("t.ply"));
+        let args: [&dyn AsRef<std::ffi::OsStr>; 9] =
+            [&"deviation", &part, &reference, &"-o", &out, &"--threads", &threads, &"--memory", &memory];
+        let mut all = args.to_vec();
+        all.push(&"--json");
+        let told = run(&all).json();
+        let walls =
+            run(&[&"thickness", &part, &"-o", &thick, &"--memory", &memory, &"--method", &"ray", &"--json"])
+                .json();
+        let now = (std::fs::read(&out).unwrap(), std::fs::read(&thick).unwrap(), told, walls);
+        assert!(*first.get_or_insert_with(|| now.clone()) == now, "{memory}");
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Volumes in the files of other tools, read by readers that share nothing with the writers.
 
-mod readers;
+pub(super) mod readers;
 
 use super::distance::stl_of;
 use crate::support::*;

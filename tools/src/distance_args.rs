@@ -25,18 +25,30 @@ no cell resolves.
 Regions are connected surface, measured at every crossing of the lattice, both sides of a wall together: `area` is that of all \
 sides, `volume` half of the integral of thickness over it. The largest comes first.
 
+With --volume every sample inside gets its local thickness: the diameter of the largest ball in the part that holds the sample (Hildebrand & Rüegsegger 1997). --method and --separation change nothing of it. Samples outside are 0. With --gaps it is told of what is outside, up to --widest. The summary tells mean and standard deviation over the volume.
+
 The part must be closed: open meshes and point clouds are refused. Values are in the store's unit.
 
 Examples:
   brickfield thickness part.brf -o thickness.ply
+  brickfield thickness part.brf --volume thickness.vdb
   brickfield thickness part.brf -o thickness.ply --below 0.8mm --regions thin.csv")]
 pub struct ThicknessArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
     /// The mesh to write, whose vertices have the property thickness; its name ends in .ply
-    #[arg(long, short, value_name = "T.ply")]
-    pub output: PathBuf,
+    #[arg(long, short, value_name = "T.ply", required_unless_present = "volume")]
+    pub output: Option<PathBuf>,
+    /// Also write local thickness as a volume: .npy, .vdb, .vtkhdf, .zarr, .vti, .mhd, .mha, .tif or .raw
+    #[arg(long, value_name = "T.vdb")]
+    pub volume: Option<PathBuf>,
+    /// The level of the volume, the deepest by default
+    #[arg(long, value_name = "L", requires = "volume")]
+    pub level: Option<u8>,
+    /// With --gaps and --volume: what is wider than this counts as free space, and has the number 0
+    #[arg(long, value_name = "LEN", requires_all = ["gaps", "volume"])]
+    pub widest: Option<Length>,
     /// What thickness is
     #[arg(long = "method", value_enum, default_value_t)]
     pub measure: MeasureArg,
@@ -50,7 +62,7 @@ pub struct ThicknessArgs {
     #[arg(long, value_name = "LEN", requires = "regions")]
     pub below: Option<Length>,
     /// The table of regions thinner than --below; its name ends in .csv or .json
-    #[arg(long, value_name = "R.csv|.json", requires = "below")]
+    #[arg(long, value_name = "R.csv|.json", requires_all = ["below", "output"])]
     pub regions: Option<PathBuf>,
     #[command(flatten)]
     pub surface: SurfaceArgs,
@@ -91,11 +103,19 @@ pub fn angle(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "is no number from 0 to 180".to_owned())
 }
 
+/// A number from 1 to 100.
+pub fn limit(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| (1.0..=100.0).contains(number));
+    number.ok_or_else(|| "is no number from 1 to 100".to_owned())
+}
+
 /// Grow or shrink a part by a length, or hollow it: a new store
 #[derive(Args)]
 #[command(after_help = "\
 The new store has the lattice of the old one, in a larger root where it would not fit, and exact crossings of its own. Growing \
 makes edges round, shrinking keeps them sharp. Meshes of it are closed and free of self-intersections like all.
+
+With --sharp edges that turn by 20 degrees and more are mitred: the faces beside them are extended up to where they meet, as far as --mitre-limit allows. So a grown cube is a cube. An edge of 29 degrees and more is whole with a limit of 4.
 
 With --shell the part is hollowed: what is left is what lies within the length of its surface.
 
@@ -104,6 +124,7 @@ not, either. The part must be closed: open meshes and point clouds are refused.
 
 Examples:
   brickfield offset part.brf --by 0.4mm -o larger.brf
+  brickfield offset part.brf --by 0.4mm --sharp -o larger.brf
   brickfield offset part.brf --by -0.4mm -o smaller.brf
   brickfield offset part.brf --shell 2mm -o hollow.brf")]
 pub struct OffsetArgs {
@@ -116,6 +137,12 @@ pub struct OffsetArgs {
     /// Keep what lies within this of the surface instead
     #[arg(long, value_name = "LEN", conflicts_with = "by")]
     pub shell: Option<Length>,
+    /// Keep convex edges sharp: faces are extended up to where they meet
+    #[arg(long, conflicts_with = "shell")]
+    pub sharp: bool,
+    /// With --sharp: how far from the edge extended faces reach at most, in multiples of the length; beyond they are round
+    #[arg(long, value_name = "N", default_value_t = 4.0, value_parser = limit, requires = "sharp")]
+    pub mitre_limit: f64,
     /// The store to write
     #[arg(long, short, value_name = "OUT.brf")]
     pub output: PathBuf,
@@ -169,8 +196,7 @@ pub struct DeviationArgs {
     /// How the part is laid over the reference
     #[arg(long, value_enum, default_value_t)]
     pub align: AlignArg,
-    /// Memory for surfaces and bricks, as in 512MiB; what of surfaces does not fit goes to a temporary file. A reference mesh
-    /// stays in memory, 100 bytes a triangle
+    /// Memory for surfaces, bricks and a reference mesh, as in 512MiB; what does not fit goes to a temporary file
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
     /// Folder of that file, which has no name there; the output's own by default

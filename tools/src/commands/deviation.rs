@@ -1,6 +1,6 @@
 //! `brickfield deviation`: a part against what it should be.
 
-use super::thickness::{layers_of, require_ply, require_room};
+use super::thickness::{layers_of, require_ply};
 use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, DeviationArgs};
@@ -8,21 +8,20 @@ use crate::failure::Failure;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
-use crate::units::Size;
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
     Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
-use brickfield_engine::distance::{Align, Region, ScalarPly, Sides, Surface, Triangles, align};
+use brickfield_engine::distance::{
+    ALIGNED_POINTS, Align, Region, ScalarPly, Sides, Surface, Triangles, align,
+};
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store, is_store};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Bytes of a triangle of the reference, at most, with its boxes.
-const BYTES_A_TRIANGLE: u64 = 100;
 /// Points of the reference that are compared with the part, at most, of each kind.
 const POINTS_BACK: usize = 500_000;
 /// A shift is told that is larger than this part of the size while the sizes differ by less.
@@ -51,7 +50,7 @@ const COLUMNS: [&str; 11] = [
 
 /// What a part is compared with, opened.
 pub(super) enum OpenReference {
-    Mesh(Triangles),
+    Mesh(Box<Triangles>),
     Store(Box<(Surface, Store)>),
 }
 
@@ -99,10 +98,10 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     require_whole_samples(&store, "its deviation cannot be told")?;
     let unit = store.meta().unit.clone();
     let within = args.within.map(|length| length.in_unit_of(&unit).ok_or_else(no_unit)).transpose()?;
-    require_room(&store, args.memory.0)?;
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
-    let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "deviation")?;
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
+    let waiting = (args.memory.0 / 8, folder);
+    let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "deviation", waiting)?;
     let compared = Compared {
         reference: &args.reference,
         output: &args.output,
@@ -128,7 +127,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     contour(&store, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
     let how = Align::from(args.align);
-    let (motion, left) = align(ply.positions(), bounds, reference, how)?;
+    let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS)?, bounds, reference, how)?;
     let values =
         ply.fill(&bars, |(): &mut (), world| Ok(reference.opposite(motion.apply(world))?.signed as f32))?;
     let samples: Vec<[f64; 3]> =
@@ -138,7 +137,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         (Some(within), Some(_)) => Some(regions_beyond(&surface, reference, (motion, within), &bars)?),
         _ => None,
     };
-    let [there, back] = [Spread::of(&values), Spread::of(&back)];
+    let [there, back] = [Spread::of(&values)?, Spread::of(&back)?];
     let table = regions.as_ref().map(|regions| table(&store, regions, cell)).transpose()?;
     let mut document = json!({
         "unit": unit,
@@ -158,9 +157,10 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         "reference_to_part": spread(&back, cell),
     });
     if let Some(within) = within {
-        let beyond = |values: &[f32]| values.iter().filter(|v| f64::from(v.abs()) > within).count();
+        let mut beyond = 0u64;
+        values.each(|value| beyond += u64::from(value.abs() > within))?;
         document["within"] = json!(within);
-        document["vertices_beyond"] = json!(beyond(&values));
+        document["vertices_beyond"] = json!(beyond);
     }
     if let Some(table) = &table {
         document["regions"] = table.objects();
@@ -209,19 +209,13 @@ pub(super) fn open_reference(
     if inputs.iter().any(|input| input.beads().is_some() || input.sweeps().is_some()) {
         return Err(anyhow!("{name}: it is a toolpath; build a store of it and give that").into());
     }
-    let bytes = inputs.iter().map(|input| input.facets()).sum::<u64>() * BYTES_A_TRIANGLE;
-    if bytes > args.memory / 2 {
-        let needed = Size(2 * bytes);
-        let remedy = format!("allow {needed} with --memory, or build a store of it and give that");
-        return Err(anyhow!("{name}: its triangles do not fit; {remedy}").into());
-    }
     let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
-    let triangles = Triangles::new(&sources, bars)?;
+    let triangles = Triangles::new(&sources, (args.memory / 2, args.folder), bars)?;
     inputs.iter().try_for_each(|input| input.check())?;
     if !triangles.is_closed() {
         warn(&format!("{name}: the mesh is not closed, so the nearest triangle tells the side of a point"));
     }
-    Ok(OpenReference::Mesh(triangles))
+    Ok(OpenReference::Mesh(Box::new(triangles)))
 }
 
 /// A number rounded to a step, without the sign of zero.

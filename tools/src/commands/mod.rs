@@ -39,6 +39,7 @@ pub mod slice;
 mod slice_layer;
 pub mod splats;
 pub mod thickness;
+mod thickness_volume;
 pub mod verify;
 #[cfg(feature = "view")]
 pub mod view;

@@ -18,9 +18,16 @@ pub fn run(args: &OffsetArgs) -> Result<(), Failure> {
     require_whole_samples(&store, "it has no exact surface to grow")?;
     check_target(&args.output)?;
     let unit = &store.meta().unit;
-    let solid = match (args.by, args.shell) {
+    let by = args.by.map(|by| by.in_unit_of(unit).ok_or_else(no_unit)).transpose()?;
+    if args.sharp && by.is_some_and(|by| by <= 0.0) {
+        return Err(Failure::Usage(
+            "--sharp is for lengths outward: shrinking keeps edges sharp without it".to_owned(),
+        ));
+    }
+    let solid = match (by, args.shell) {
         (_, Some(shell)) => Solid::Shell(shell.in_unit_of(unit).ok_or_else(no_unit)?),
-        (Some(by), None) => Solid::Offset(by.in_unit_of(unit).ok_or_else(no_unit)?),
+        (Some(by), None) if args.sharp => Solid::Mitred(by, args.mitre_limit),
+        (Some(by), None) => Solid::Offset(by),
         (None, None) => return Err(Failure::Usage("give a length with --by or --shell".to_owned())),
     };
     let folder = args.surface.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
@@ -28,16 +35,14 @@ pub fn run(args: &OffsetArgs) -> Result<(), Failure> {
     let stats = offset(&store, &surface, solid, &args.output, &bars);
     let stats = stats.map_err(|error| of_store(&store, "offset", error))?;
     bars.clear();
-    let (what, length) = match solid {
-        Solid::Offset(by) => ("offset by", by),
-        Solid::Shell(by) => ("shell of", by),
-    };
+    let (what, length) = (solid.name(), solid.length());
     if args.json {
         return print_json(&json!({
             "unit": unit,
             "cell": surface.cell(),
             "by": if args.shell.is_none() { json!(length) } else { json!(null) },
             "shell": if args.shell.is_some() { json!(length) } else { json!(null) },
+            "mitre_limit": if args.sharp { json!(args.mitre_limit) } else { json!(null) },
             "nodes": stats.nodes,
             "leaves": stats.leaves,
             "file_bytes": stats.file_bytes,

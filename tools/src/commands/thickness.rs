@@ -1,22 +1,21 @@
 //! `brickfield thickness`: how thick walls are, at every vertex of the mesh.
 
+use super::thickness_volume::VolumePlan;
 use super::{no_unit, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::{MeasureArg, ThicknessArgs};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
+use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
-use anyhow::anyhow;
 use brickfield_engine::analysis::{CoveringPass, beads_at_points};
-use brickfield_engine::contour::{ContourOptions, contour, foresee_triangles};
+use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::thickness::{Method, Options, PreviousContact, at_world, thin_regions};
-use brickfield_engine::distance::{Region, ScalarPly, Surface};
+use brickfield_engine::distance::{PointNumbers, Region, ScalarPly, Surface};
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Bytes of a vertex while its number is sought: position, number, and the same again as text of the file.
-const BYTES_A_VERTEX: u64 = 24;
 /// Bars of the histogram.
 const BARS: usize = 64;
 /// Fewer cells than this are not resolved.
@@ -28,21 +27,65 @@ const COLUMNS: [&str; 10] =
 
 /// Runs the command.
 pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
-    require_ply(&args.output)?;
+    args.output.as_deref().map(require_ply).transpose()?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
+    let plan = VolumePlan::of(args)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.surface.memory.0 / 8, args.surface.io, AcceptedStores::Whole)?;
-    let mut outputs: Vec<&Path> = vec![&args.output];
-    outputs.extend(args.regions.as_deref());
+    let memory = args.surface.memory.0;
+    let store = open_store(&args.store, memory / 8, args.surface.io, AcceptedStores::Whole)?;
+    let mut outputs: Vec<&Path> = args.output.iter().chain(&args.regions).map(PathBuf::as_path).collect();
+    outputs.extend(plan.iter().flat_map(VolumePlan::outputs));
     require_distinct(&outputs, &[&args.store])?;
     require_whole_samples(&store, "thickness cannot be told")?;
     let below =
         args.below.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
-    require_room(&store, args.surface.memory.0)?;
+    let folder = match (&args.surface.temp_dir, outputs.first()) {
+        (Some(folder), _) => folder,
+        (None, Some(output)) => directory_of(output),
+        (None, None) => Path::new("."),
+    };
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
-    let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "thickness")?;
-    let folder = args.surface.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
-    let surface = Surface::new(&store, args.surface.memory.0 / 2, folder, &bars)?;
+    let ply = |output: &PathBuf| ScalarPly::new(PartFile::create(output)?, "thickness", (memory / 8, folder));
+    let ply = args.output.as_ref().map(ply).transpose()?;
+    let surface = Surface::new(&store, memory / 2, folder, &bars)?;
+    let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
+    let mut text = String::new();
+    if let Some(ply) = ply {
+        let (found, told) = at_vertices(args, (&store, &surface), ply, below, &bars)?;
+        document = found;
+        text = told.text;
+        if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &told.table) {
+            table.append_to(&mut file, kind, &document)?;
+            file.finish()?;
+        }
+    }
+    if let Some(plan) = &plan {
+        let spread = plan.write((&store, &surface), (memory / 8, folder), &bars)?;
+        document["volume"] = plan.document(&store, &spread);
+        let line = plan.summary(&store, &spread);
+        text = if text.is_empty() { line } else { format!("{text}\n{line}") };
+    }
+    bars.clear();
+    if args.json {
+        return print_json(&document);
+    }
+    if args.work.quiet { Ok(()) } else { print(&text) }
+}
+
+/// What is told of vertices.
+struct Told {
+    text: String,
+    table: Option<Table<'static>>,
+}
+
+/// Measures at all vertices and writes the mesh.
+fn at_vertices(
+    args: &ThicknessArgs,
+    (store, surface): (&Store, &Surface),
+    mut ply: ScalarPly,
+    below: Option<f64>,
+    bars: &Bars,
+) -> Result<(Value, Told), Failure> {
     let cell = surface.cell();
     if let Some(below) = below.filter(|below| *below < CELLS_RESOLVED * cell) {
         let what = format!(
@@ -58,33 +101,23 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     let options = Options { method, gaps: args.gaps };
     let contouring =
         ContourOptions { cache_bytes: (args.surface.memory.0 / 4) as usize, ..ContourOptions::default() };
-    contour(&store, &contouring, &mut ply, &bars)?;
+    contour(store, &contouring, &mut ply, bars)?;
     let (vertices, triangles) = ply.counts();
-    let values = ply.fill(&bars, |last: &mut PreviousContact, world| {
-        let measured = at_world(&surface, world, options, last)?;
+    let values = ply.fill(bars, |last: &mut PreviousContact, world| {
+        let measured = at_world(surface, world, options, last)?;
         Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
     })?;
-    let regions = below.map(|below| thin_regions(&surface, options, below, &bars)).transpose()?;
-    let table = regions.as_deref().map(|regions| table(&store, regions, cell)).transpose()?;
-    let mut document = document(args, &store, &values, cell);
+    let regions = below.map(|below| thin_regions(surface, options, below, bars)).transpose()?;
+    let table = regions.as_deref().map(|regions| table(store, regions, cell)).transpose()?;
+    let mut document = document(args, store, &values, cell)?;
     document["vertices"] = json!(vertices);
     document["triangles"] = json!(triangles);
     if let Some(table) = &table {
         document["below"] = json!(below);
         document["regions"] = table.objects();
     }
-    bars.clear();
-    if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
-        table.append_to(&mut file, kind, &document)?;
-        file.finish()?;
-    }
-    if args.json {
-        return print_json(&document);
-    }
-    if args.work.quiet {
-        return Ok(());
-    }
-    print(&summary(args, &store, &document, below.zip(regions.as_deref())))
+    let text = summary(args, store, &document, below.zip(regions.as_deref()));
+    Ok((document, Told { text, table }))
 }
 
 /// Refuses a name that does not end in .ply.
@@ -92,17 +125,6 @@ pub(super) fn require_ply(path: &Path) -> Result<(), Failure> {
     let is_ply = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply"));
     let what = "the name must end in .ply, the one format whose vertices have numbers";
     if is_ply { Ok(()) } else { Err(Failure::Usage(format!("{}: {what}", in_line(path)))) }
-}
-
-/// Refuses a mesh whose vertices do not fit.
-pub(super) fn require_room(store: &Store, memory: u64) -> Result<(), Failure> {
-    let bytes = foresee_triangles(store, 0.5, None)? / 2 * BYTES_A_VERTEX;
-    if bytes <= memory / 4 {
-        return Ok(());
-    }
-    let name = in_line(store.path());
-    let needed = crate::units::Size(4 * bytes);
-    Err(anyhow!("{name}: its mesh needs {needed}; allow more with --memory, or build coarser cells").into())
 }
 
 /// The layers of the beads beside the lowest and the highest point of each region, from 1; null where the store does not tell
@@ -142,24 +164,22 @@ fn table(store: &Store, regions: &[Region], cell: f64) -> Result<Table<'static>,
     Ok(Table::of_rows(&COLUMNS, regions.iter().enumerate().map(row).collect()))
 }
 
-/// Some shares of sorted numbers: what so many of all are at most.
-pub(super) fn percentile(sorted: &[f32], share: f64) -> f64 {
-    let place = (sorted.len() as f64 * share).ceil() as usize;
-    sorted.get(place.clamp(1, sorted.len().max(1)) - 1).map_or(f64::NAN, |value| f64::from(*value))
-}
-
-fn document(args: &ThicknessArgs, store: &Store, values: &[f32], cell: f64) -> Value {
-    let mut sorted: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    sorted.sort_by(f32::total_cmp);
-    let most = sorted.last().copied().unwrap_or(0.0);
+fn document(args: &ThicknessArgs, store: &Store, values: &PointNumbers, cell: f64) -> Result<Value, Failure> {
+    let (count, measured) = values.counts();
+    let place = |share: f64| ((measured as f64 * share).ceil() as usize).clamp(1, measured.max(1)) - 1;
+    let ranks = [0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0].map(place);
+    let told = if measured > 0 { values.at_ranks(&ranks)? } else { vec![f64::NAN; ranks.len()] };
+    let most = if measured > 0 { told[6] } else { 0.0 };
     let mut bars = vec![0u64; BARS];
-    for value in &sorted {
-        let bar = (f64::from(*value) / f64::from(most.max(f32::MIN_POSITIVE)) * BARS as f64) as usize;
+    let mut sum = 0.0;
+    values.each(|value| {
+        let bar = (value / most.max(f64::from(f32::MIN_POSITIVE)) * BARS as f64) as usize;
         bars[bar.min(BARS - 1)] += 1;
-    }
-    let mean = sorted.iter().map(|&value| f64::from(value)).sum::<f64>() / sorted.len().max(1) as f64;
+        sum += value;
+    })?;
+    let mean = sum / measured.max(1) as f64;
     let length = |value: f64| to_place(value, cell / 1000.0);
-    json!({
+    Ok(json!({
         "unit": store.meta().unit,
         "cell": cell,
         "method": match args.measure {
@@ -168,20 +188,20 @@ fn document(args: &ThicknessArgs, store: &Store, values: &[f32], cell: f64) -> V
         },
         "separation": if args.measure == MeasureArg::Sphere { json!(args.separation) } else { Value::Null },
         "of": if args.gaps { "gaps" } else { "walls" },
-        "measured": sorted.len(),
-        "without_opposite": values.len() - sorted.len(),
-        "min": length(percentile(&sorted, 0.0)),
+        "measured": measured,
+        "without_opposite": count - measured,
+        "min": length(told[0]),
         "percentiles": {
-            "1": length(percentile(&sorted, 0.01)),
-            "10": length(percentile(&sorted, 0.1)),
-            "50": length(percentile(&sorted, 0.5)),
-            "90": length(percentile(&sorted, 0.9)),
-            "99": length(percentile(&sorted, 0.99)),
+            "1": length(told[1]),
+            "10": length(told[2]),
+            "50": length(told[3]),
+            "90": length(told[4]),
+            "99": length(told[5]),
         },
-        "max": length(f64::from(most)),
+        "max": length(most),
         "mean": length(mean),
         "histogram": { "from": 0.0, "to": most, "counts": bars },
-    })
+    }))
 }
 
 fn summary(
@@ -191,7 +211,7 @@ fn summary(
     regions: Option<(f64, &[Region])>,
 ) -> String {
     let unit = unit_of(store.meta());
-    let name = in_line(&args.output);
+    let name = args.output.as_deref().map(in_line).unwrap_or_default();
     let what = if args.gaps { "gaps" } else { "walls" };
     let mut text = format!(
         "{name}: {} vertices; {what} of {} to {} {unit}, half of the vertices at most {}",

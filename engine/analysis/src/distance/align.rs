@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::lattice::{cross, dot, minus};
 
 /// Points that are compared.
-const POINTS: usize = 4000;
+pub const ALIGNED_POINTS: usize = 4000;
 /// Steps at most, and what of the size of the part the last one moves.
 const STEPS: usize = 60;
 const STILL: f64 = 1e-9;
@@ -37,7 +37,7 @@ pub fn align(
     how: Align,
 ) -> Result<(Motion, f64)> {
     let mut motion = Motion::NONE;
-    let step = points.len().div_ceil(POINTS).max(1);
+    let step = points.len().div_ceil(ALIGNED_POINTS).max(1);
     let some: Vec<[f64; 3]> = points.iter().step_by(step).map(|p| p.map(f64::from)).collect();
     let to = reference.bounds();
     let size = (0..3).map(|a| bounds[1][a] - bounds[0][a]).fold(0.0, f64::max);

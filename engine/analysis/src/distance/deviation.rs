@@ -1,6 +1,6 @@
 //! Deviation of a part from a reference: signed distances both ways, and where they are too large.
 
-use super::numbers::numbers;
+use super::numbers::{PointNumbers, numbers};
 use super::regions::{Region, joined, marked};
 use super::sides::Sides;
 use super::surface::{PatchInfo, Surface};
@@ -8,6 +8,7 @@ use super::triangles::Triangles;
 use crate::error::Result;
 use crate::lattice::{dot, minus};
 use crate::progress::Progress;
+use std::path::Path;
 
 /// Shares of points, in percent, that lie below the numbers told of a spread.
 pub const PERCENTILES: [f64; 5] = [0.1, 1.0, 50.0, 99.0, 99.9];
@@ -93,11 +94,11 @@ impl Reference<'_> {
     /// The nearest point, with the signed distance.
     ///
     /// # Errors
-    /// What reading a store's surface gives.
+    /// What reading a store's surface, or what does not fit of a mesh, gives.
     pub fn opposite(&self, from: [f64; 3]) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
-                let (signed, nearest) = triangles.signed(from);
+                let (signed, nearest) = triangles.signed(from)?;
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed })
             }
             Reference::Store(surface, sides) => of_surface(surface, sides, from),
@@ -111,7 +112,7 @@ impl Reference<'_> {
     pub fn nearest(&self, from: [f64; 3]) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
-                let nearest = triangles.nearest(from);
+                let nearest = triangles.nearest(from)?;
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed: nearest.distance })
             }
             Reference::Store(surface, sides) => of_surface(surface, sides, from),
@@ -121,10 +122,10 @@ impl Reference<'_> {
     /// Points of it, at most about so many: of a mesh vertices and points spread by area, of a store crossings.
     ///
     /// # Errors
-    /// What reading a store's surface gives.
+    /// What reading a store's surface, or what does not fit of a mesh, gives.
     pub fn samples(&self, most: usize) -> Result<Vec<[f64; 3]>> {
         match self {
-            Reference::Mesh(triangles) => Ok(triangles.samples(most)),
+            Reference::Mesh(triangles) => triangles.samples(most),
             Reference::Store(surface, _) => {
                 let step = (surface.patches() as usize).div_ceil(most).max(1);
                 let mut points = Vec::new();
@@ -162,35 +163,42 @@ pub fn at_points(
     points: &[[f64; 3]],
     progress: &dyn Progress,
     number: impl Fn([f64; 3]) -> Result<f64> + Sync,
-) -> Result<Vec<f32>> {
+) -> Result<PointNumbers> {
     progress.phase("distances", Some(points.len() as u64), "points");
-    numbers(points, progress, |(): &mut (), p| Ok(number(p)? as f32), |_, _| Ok(()))
+    // As many as the points are, which are in memory, too.
+    let mut found = PointNumbers::new(u64::MAX, Path::new("."));
+    let take = |_: &[[f64; 3]], numbers: &[f32]| found.extend(numbers);
+    numbers(points, progress, |(): &mut (), p| Ok(number(p)? as f32), take)?;
+    Ok(found)
 }
 
 impl Spread {
     /// Of some signed distances.
-    pub fn of(values: &[f32]) -> Spread {
-        let mut sorted: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
-        sorted.sort_by(f32::total_cmp);
-        let points = sorted.len();
+    ///
+    /// # Errors
+    /// What reading them gives.
+    pub fn of(values: &PointNumbers) -> Result<Spread> {
+        let (_, points) = values.counts();
         if points == 0 {
-            return Spread::default();
+            return Ok(Spread::default());
         }
         let (mut sum, mut squares) = (0.0, 0.0);
-        for value in &sorted {
-            let value = f64::from(*value);
+        values.each(|value| {
             sum += value;
             squares += value * value;
-        }
+        })?;
         let place = |share: f64| ((points as f64 * share / 100.0).ceil() as usize).clamp(1, points) - 1;
-        Spread {
+        let ranks: Vec<usize> = PERCENTILES.into_iter().map(place).chain([0, points - 1]).collect();
+        let told = values.at_ranks(&ranks)?;
+        let (percentiles, ends) = told.split_at(PERCENTILES.len());
+        Ok(Spread {
             points,
             mean: sum / points as f64,
             rms: (squares / points as f64).sqrt(),
-            min: f64::from(sorted[0]),
-            percentiles: PERCENTILES.map(|share| f64::from(sorted[place(share)])),
-            max: f64::from(sorted[points - 1]),
-        }
+            min: ends[0],
+            percentiles: std::array::from_fn(|n| percentiles[n]),
+            max: ends[1],
+        })
     }
 
     /// The largest distance to either side.

@@ -11,27 +11,40 @@
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
 //! | `sides` | inside or outside, by samples |
+//! | `spilled` | groups in memory or in a file |
 //! | `surface` | all patches |
 //! | `questions` | nearest points, normals, rays, balls |
 //! | `around` | normals of surfaces with facets |
 //! | `thickness` | thickness of walls, width of gaps |
+//! | `inscribed` | balls inside, and how they grow |
+//! | `balls` | balls of all crossings, by place |
+//! | `local` | local thickness as a tree |
+//! | `tally` | how it is spread |
 //! | `offset` | offsets and shells as stores |
+//! | `mitre` | convex creases, whose planes are extended |
 //! | `closing` | parts closed by balls, as stores |
 //! | `band` | distances near the surface as a tree |
 //! | `sample_box` | boxes of samples, which both halve |
 //! | `deviation` | signed distances from a reference, both ways |
 //! | `align` | a part laid over a reference |
 //! | `triangles` | the triangles of a mesh |
+//! | `triangle_sort` | triangles sorted by place, in a file where they are too many |
 //! | `numbers` | a number for each of many points |
 //! | `regions` | patches that hang together |
 //! | `scalar_ply` | meshes whose vertices have a number |
 
 mod align;
 mod around;
+mod balls;
 mod band;
 mod boxes;
 pub mod closing;
 pub mod deviation;
+mod inscribed;
+mod local;
+#[cfg(test)]
+mod local_tests;
+mod mitre;
 mod numbers;
 pub mod offset;
 mod patch;
@@ -42,16 +55,22 @@ mod regions;
 mod sample_box;
 mod scalar_ply;
 mod sides;
+mod spilled;
 mod surface;
+mod tally;
 #[cfg(test)]
 mod tests;
 pub mod thickness;
+mod triangle_sort;
 mod triangles;
 
-pub use align::{Align, align};
+pub use align::{ALIGNED_POINTS, Align, align};
 pub use band::{BAND, DistanceTree};
+pub use local::{LocalOf, LocalThickness};
+pub use numbers::PointNumbers;
 pub use regions::Region;
 pub use scalar_ply::ScalarPly;
 pub use sides::Sides;
 pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
+pub use tally::LocalSpread;
 pub use triangles::{Nearest, Triangles};

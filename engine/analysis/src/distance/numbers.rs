@@ -1,14 +1,149 @@
 //! A number for each of many points.
 
+use super::spilled::{Spill, Spilled};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
+use std::path::Path;
 
 /// Points that a thread takes at once.
 const AT_ONCE: usize = 1024;
 
+/// Numbers, or points, that lie together in a file: a multiple of [`AT_ONCE`].
+pub(super) const TOGETHER: usize = 1 << 16;
+
+impl<const N: usize> Spill for Vec<[f32; N]> {
+    fn bytes(&self) -> Vec<u8> {
+        self.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect()
+    }
+
+    fn of_bytes(bytes: &[u8]) -> Option<Vec<[f32; N]>> {
+        let (numbers, rest) = bytes.as_chunks::<4>();
+        let row = |row: &[[u8; 4]]| std::array::from_fn(|n| f32::from_le_bytes(row[n]));
+        (rest.is_empty() && numbers.len().is_multiple_of(N))
+            .then(|| numbers.chunks_exact(N).map(row).collect())
+    }
+
+    fn heap_bytes(&self) -> usize {
+        4 * N * self.len()
+    }
+}
+
+/// Rows of numbers in order, in memory as far as allowed, and else in a file.
+pub(super) struct NumberRows<const N: usize> {
+    groups: Spilled<Vec<[f32; N]>>,
+    last: Vec<[f32; N]>,
+}
+
+impl<const N: usize> NumberRows<N> {
+    pub fn new(memory: u64, folder: &Path) -> NumberRows<N> {
+        NumberRows { groups: Spilled::new(memory, folder), last: Vec::new() }
+    }
+
+    pub fn len(&self) -> usize {
+        self.groups.len() * TOGETHER + self.last.len()
+    }
+
+    pub fn extend(&mut self, rows: impl Iterator<Item = [f32; N]>) -> Result<()> {
+        for row in rows {
+            self.last.push(row);
+            if self.last.len() == TOGETHER {
+                self.groups.push(std::mem::take(&mut self.last))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Shows all rows in order, some at a time.
+    pub fn each(&self, mut each: impl FnMut(&[[f32; N]]) -> Result<()>) -> Result<()> {
+        for group in 0..self.groups.len() {
+            each(&self.groups.get(group)?)?;
+        }
+        each(&self.last)
+    }
+}
+
+/// The numbers of many points, in their order. Those that are not finite count as none.
+pub struct PointNumbers {
+    rows: NumberRows<1>,
+    finite: u64,
+}
+
+impl PointNumbers {
+    /// None yet, in so many bytes of memory, with a file in `folder` for what does not fit.
+    pub(super) fn new(memory: u64, folder: &Path) -> PointNumbers {
+        PointNumbers { rows: NumberRows::new(memory, folder), finite: 0 }
+    }
+
+    pub(super) fn extend(&mut self, numbers: &[f32]) -> Result<()> {
+        self.finite += numbers.iter().filter(|number| number.is_finite()).count() as u64;
+        self.rows.extend(numbers.iter().map(|&number| [number]))
+    }
+
+    /// How many points there are, and how many of them have a number.
+    pub fn counts(&self) -> (usize, usize) {
+        (self.rows.len(), self.finite as usize)
+    }
+
+    /// Shows all numbers in order.
+    ///
+    /// # Errors
+    /// What reading the file gives.
+    pub fn each(&self, mut each: impl FnMut(f64)) -> Result<()> {
+        self.rows.each(|rows| {
+            rows.iter().flatten().filter(|n| n.is_finite()).for_each(|&number| each(f64::from(number)));
+            Ok(())
+        })
+    }
+
+    /// The numbers at some places among all, from the least at 0: by counts of their first halves, then of their second.
+    ///
+    /// # Errors
+    /// As [`PointNumbers::each`].
+    pub fn at_ranks(&self, ranks: &[usize]) -> Result<Vec<f64>> {
+        const HALF: usize = 1 << 16;
+        let mut firsts = vec![0u64; HALF];
+        self.each(|number| firsts[(in_order(number as f32) >> 16) as usize] += 1)?;
+        let place = |counts: &[u64], mut rank: u64| {
+            let found = counts.iter().position(|&count| {
+                let is_here = rank < count;
+                rank -= if is_here { 0 } else { count };
+                is_here
+            });
+            (found.unwrap_or(counts.len() - 1), rank)
+        };
+        let places: Vec<(usize, u64)> = ranks.iter().map(|&rank| place(&firsts, rank as u64)).collect();
+        let mut wanted: Vec<usize> = places.iter().map(|place| place.0).collect();
+        wanted.sort_unstable();
+        wanted.dedup();
+        let mut seconds = vec![vec![0u64; HALF]; wanted.len()];
+        self.each(|number| {
+            let key = in_order(number as f32);
+            if let Ok(n) = wanted.binary_search(&((key >> 16) as usize)) {
+                seconds[n][(key & 0xffff) as usize] += 1;
+            }
+        })?;
+        let number = |&(first, rank): &(usize, u64)| {
+            let second = wanted.binary_search(&first).map_or(0, |n| place(&seconds[n], rank).0);
+            f64::from(of_order((first as u32) << 16 | second as u32))
+        };
+        Ok(places.iter().map(number).collect())
+    }
+}
+
+/// Bits that are ordered as numbers are.
+fn in_order(number: f32) -> u32 {
+    let bits = number.to_bits();
+    if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+}
+
+fn of_order(key: u32) -> f32 {
+    f32::from_bits(if key >> 31 == 1 { key & !(1 << 31) } else { !key })
+}
+
 /// Asks for a number at all points, on all threads, in order; `take` is shown those of each part with its points. `number` may
-/// keep something from one point to the next of a part. Advances `progress`, whose phase is the caller's, by one a point.
+/// keep something from one point to the next of a part. Advances `progress`, whose phase is the caller's, by one
+/// a point.
 ///
 /// # Errors
 /// What `number` and `take` give; [`crate::error::Error::Interrupted`].
@@ -17,7 +152,7 @@ pub(super) fn numbers<P: Copy + Sync, L: Default>(
     progress: &dyn Progress,
     number: impl Fn(&mut L, P) -> Result<f32> + Sync,
     mut take: impl FnMut(&[P], &[f32]) -> Result<()> + Send,
-) -> Result<Vec<f32>> {
+) -> Result<()> {
     let chunks: Vec<&[P]> = points.chunks(AT_ONCE).collect();
     let make = |_: &mut (), n: usize| {
         progress.check()?;
@@ -25,18 +160,50 @@ pub(super) fn numbers<P: Copy + Sync, L: Default>(
         let mut last = L::default();
         chunks[n].iter().map(|p| number(&mut last, *p)).collect::<Result<Vec<f32>>>()
     };
-    let mut numbers: Vec<f32> = Vec::with_capacity(points.len());
+    let mut taken = 0;
     run_ordered(
         chunks.len(),
         8 * rayon::current_num_threads(),
         || (),
         make,
         |made: Vec<f32>| {
-            take(&points[numbers.len()..][..made.len()], &made)?;
+            take(&points[taken..][..made.len()], &made)?;
+            taken += made.len();
             progress.advance(made.len() as u64);
-            numbers.extend(made);
             Ok(())
         },
-    )?;
-    Ok(numbers)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_are_those_of_sorted_numbers() {
+        let folder = tempfile::tempdir().unwrap();
+        for memory in [1 << 24, 100_000] {
+            let mut numbers = PointNumbers::new(memory, folder.path());
+            let mut all: Vec<f32> = (0..150_000u64)
+                .map(|n| {
+                    let bits = crate::lattice::mix(n.wrapping_mul(crate::lattice::GOLDEN)) as u32;
+                    if n % 7 == 0 { f32::NAN } else { (bits as f32 / 4e9 - 0.5).powi(3) }
+                })
+                .collect();
+            numbers.extend(&all).unwrap();
+            all.retain(|number| number.is_finite());
+            assert_eq!(numbers.counts(), (150_000, all.len()));
+            let mut sum = 0.0;
+            numbers.each(|number| sum += number).unwrap();
+            assert_eq!(sum, all.iter().map(|&n| f64::from(n)).sum::<f64>());
+            all.sort_by(f32::total_cmp);
+            let ranks = [0, 1, 17, all.len() / 2, all.len() - 2, all.len() - 1];
+            assert_eq!(numbers.at_ranks(&ranks).unwrap(), ranks.map(|rank| f64::from(all[rank])));
+        }
+        assert!(
+            [-1.5, -0.0, 0.0, 1e-30, 7.0]
+                .iter()
+                .all(|&n: &f32| of_order(in_order(n)).to_bits() == n.to_bits())
+        );
+    }
 }

@@ -1,5 +1,6 @@
 //! Offsets and shells of a part as new stores: a lattice of signs of distance − length, with exact crossings.
 
+use super::mitre::Mitres;
 use super::sample_box::SampleBox;
 use super::sides::{DeepBrick, FAR, Sides};
 use super::surface::{Foot, Surface};
@@ -16,6 +17,10 @@ const CERTAIN: f64 = 0.1;
 /// A crossing is found where the field is this small, in cells, or after so many steps.
 const ROOT: f64 = 2e-5;
 const STEPS: usize = 12;
+/// Heights and distances are alike within so many cells.
+const EQUAL: f64 = 1e-3;
+/// Bytes of the creases that mitres need.
+const MITRE_BYTES: u64 = 256 << 20;
 /// The least cosine between the way from the surface and its normal where it has no edge.
 const SMOOTH: f64 = 0.98;
 /// By how much the components of a normal are scaled before they are rounded.
@@ -26,8 +31,38 @@ const NORMAL_SCALE: f64 = 1e12;
 pub enum Solid {
     /// What is nearer to the part than so many world units, or what lies deeper in it, if the number is below 0.
     Offset(f64),
+    /// As an offset outward, but edges stay sharp: faces that meet in a convex edge are offset by the length and extended up to
+    /// where they meet. No farther from the edge than so many times the length, where they end round.
+    Mitred(f64, f64),
     /// What of the part is nearer to its surface than this.
     Shell(f64),
+}
+
+impl Solid {
+    /// The length, in world units.
+    pub fn length(self) -> f64 {
+        match self {
+            Solid::Offset(by) | Solid::Mitred(by, _) | Solid::Shell(by) => by,
+        }
+    }
+
+    /// How far outside of the part solid may lie, in world units.
+    fn beyond(self) -> f64 {
+        match self {
+            Solid::Offset(by) => by.max(0.0),
+            Solid::Mitred(by, limit) => by.max(0.0) * limit.max(1.0),
+            Solid::Shell(_) => 0.0,
+        }
+    }
+
+    /// What it is called, before the length.
+    pub fn name(self) -> &'static str {
+        match self {
+            Solid::Offset(_) => "offset by",
+            Solid::Mitred(..) => "offset with sharp edges by",
+            Solid::Shell(_) => "shell of",
+        }
+    }
 }
 
 /// Writes the offset or shell of a store to another, on the same lattice. Where it does not fit into the root, that is doubled,
@@ -42,7 +77,10 @@ pub fn offset(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<Stats> {
-    let grown = OffsetField::of(store, surface, solid)?;
+    let mut grown = OffsetField::of(store, surface, solid)?;
+    if let Solid::Mitred(_, limit) = solid {
+        grown.mitres = Some(Mitres::of(surface, limit, MITRE_BYTES, progress)?);
+    }
     let meta = grown.meta(store, solid);
     let mut writer = StoreWriter::create(output, &meta)?;
     if let CoarseSamples::Uniform(_) = write_divided(&grown, &mut writer, "offset", progress)? {
@@ -58,6 +96,8 @@ pub(super) struct OffsetField<'a> {
     surface: &'a Surface,
     solid: Solid,
     by: f64,
+    /// Creases beyond which planes are extended.
+    mitres: Option<Mitres>,
     root: RootCube,
     depth: u8,
     /// The old lattice's first sample on the new one.
@@ -67,21 +107,20 @@ pub(super) struct OffsetField<'a> {
 impl<'a> OffsetField<'a> {
     pub(super) fn of(tree: &'a dyn BrickTree, surface: &'a Surface, solid: Solid) -> Result<OffsetField<'a>> {
         surface.require_any()?;
-        let length = match solid {
-            Solid::Offset(by) | Solid::Shell(by) => by,
-        };
+        let length = solid.length();
         let depth = tree.deepest_level();
         let mut grown = OffsetField {
             sides: Sides::new(tree)?,
             surface,
             solid,
             by: length / surface.cell(),
+            mitres: None,
             root: tree.root(),
             depth,
             shift: 0,
         };
         let [low, high] = surface.bounds().unwrap_or_default().map(|end| surface.to_cells(end));
-        let margin = grown.by.max(0.0) + 2.0;
+        let margin = solid.beyond() / surface.cell() + 2.0;
         let mut cells = (BRICK_CELLS as i64) << depth;
         while (0..3)
             .any(|a| low[a] - margin < -grown.shift as f64 || high[a] + margin > (cells - grown.shift) as f64)
@@ -107,11 +146,7 @@ impl<'a> OffsetField<'a> {
 
     fn meta(&self, store: &Store, solid: Solid) -> Meta {
         let old = store.meta();
-        let (name, length) = match solid {
-            Solid::Offset(by) => ("offset by", by),
-            Solid::Shell(by) => ("shell of", by),
-        };
-        let wider = length.max(0.0);
+        let (name, length, wider) = (solid.name(), solid.length(), solid.beyond());
         Meta {
             root: self.root,
             bounds_min: old.bounds_min.map(|c| c - wider),
@@ -130,8 +165,28 @@ impl<'a> OffsetField<'a> {
         let outward = if is_smooth { foot.normal } else { way };
         match self.solid {
             Solid::Offset(_) => (distance - self.by, outward),
+            Solid::Mitred(..) => self.mitred(foot, from, (distance, outward)),
             Solid::Shell(_) if distance >= -distance - self.by => (distance, outward),
             Solid::Shell(_) => (-distance - self.by, outward.map(|c| -c)),
+        }
+    }
+
+    /// The field with mitres, given the signed distance, and the normal without them.
+    fn mitred(&self, foot: &Foot, from: [f64; 3], (distance, outward): (f64, [f64; 3])) -> (f64, [f64; 3]) {
+        // What is so near to the part is solid whatever planes do.
+        let mitres = self.mitres.as_ref().filter(|_| foot.distance > 0.5 * self.by);
+        let mitre = mitres.and_then(|mitres| mitres.at(from, mitres.limit * self.by + 1.0));
+        let is_sample = from.iter().all(|c| c.fract() == 0.0);
+        match mitre {
+            // Planes know the side, which patches may mistake at corners. But samples are solid where whole boxes would be.
+            Some(mitre) if mitre.knows(foot.at) && !(is_sample && distance < self.by - 0.5 * CERTAIN) => {
+                (mitre.height - self.by, mitre.normal)
+            }
+            // Where both are as far the normal is that of a plane.
+            Some(mitre) if mitre.height < distance + EQUAL => {
+                (mitre.height.min(distance) - self.by, mitre.normal)
+            }
+            _ => (distance - self.by, outward),
         }
     }
 
@@ -167,6 +222,15 @@ impl<'a> OffsetField<'a> {
     /// what its foot says may be wrong, at corners that no cell resolves; then both must come to the same.
     fn agreed(&self, foot: &Foot, from: [f64; 3], inside: Option<bool>, reach: f64) -> Option<bool> {
         let of = |inside: bool| {
+            if let Some(mitres) = &self.mitres {
+                if inside {
+                    return (foot.distance + self.by > reach).then_some(true);
+                }
+                let far = self.by * mitres.limit + reach;
+                let is_solid = foot.distance + reach < self.by;
+                let is_empty = foot.distance > self.by + reach && !mitres.may_be_within(from, far + 1.0);
+                return (is_solid || is_empty || foot.distance > far).then_some(is_solid);
+            }
             let (value, _) = self.field(foot, from, inside);
             (value.abs() > reach).then_some(value < 0.0)
         };

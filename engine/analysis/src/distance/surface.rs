@@ -159,7 +159,7 @@ impl Surface {
     }
 
     /// Asks all patches, those in near boxes first.
-    fn ask<Q: PatchQuestion>(&self, mut question: Q) -> Result<Q> {
+    pub(super) fn ask<Q: PatchQuestion>(&self, mut question: Q) -> Result<Q> {
         struct OfAll<'a, Q>(&'a Surface, &'a mut Q);
         impl<Q: PatchQuestion> Question for OfAll<'_, Q> {
             fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {

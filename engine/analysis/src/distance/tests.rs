@@ -78,7 +78,7 @@ pub(super) fn length(v: [f64; 3]) -> f64 {
     dot(v, v).sqrt()
 }
 
-const MIDDLE: [f64; 3] = [32.17, 31.62, 32.41];
+pub(super) const MIDDLE: [f64; 3] = [32.17, 31.62, 32.41];
 
 pub(super) fn ball(radius: f64) -> impl Fn([f64; 3]) -> f64 + Sync {
     move |p| length(minus(p, MIDDLE)) - radius

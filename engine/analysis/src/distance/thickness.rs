@@ -50,7 +50,7 @@ pub struct Measured {
 const NOTHING: Measured = Measured { value: f64::INFINITY, opposite: None, is_confirmed: true };
 
 /// A room to look in: all of the root.
-fn farthest(surface: &Surface) -> f64 {
+pub(super) fn farthest(surface: &Surface) -> f64 {
     2.0 * surface.root().edge / surface.cell()
 }
 
@@ -91,22 +91,39 @@ pub fn at(
         Method::Sphere { separation } => {
             let apart = separation.to_radians().cos();
             let touch = BallAt { at: place, toward, outward };
-            let mut begin = (most, None);
-            if let Some(patch) = last.0 {
-                begin = surface.ball_before(touch, most, apart, patch)?;
-            }
-            if begin.1.is_none() {
-                // What a ray meets bounds the ball, too, so that it starts small.
-                let through = surface.ray(place, toward, most, !options.gaps)?;
-                let seed = through.filter(|hit: &Foot| dot(hit.normal, outward) <= apart);
-                begin = (seed.map_or(most, |hit| 0.5 * hit.distance), seed);
-            }
-            let (radius, contact) = surface.ball(touch, begin.0, apart)?;
-            let Some(bound) = contact.or(begin.1) else { return Ok(NOTHING) };
-            last.0 = Some(bound.place);
-            Ok(Measured { value: 2.0 * radius, opposite: Some(bound.place), is_confirmed: true })
+            let found = largest_ball(surface, touch, (most, apart), !options.gaps, last)?;
+            Ok(found.map_or(NOTHING, |(radius, bound)| Measured {
+                value: 2.0 * radius,
+                opposite: Some(bound.place),
+                is_confirmed: true,
+            }))
         }
     }
+}
+
+/// The radius of the largest ball that touches a place, at most `most`, and what bounds it; `None` if nothing does. See
+/// [`Surface::ball`].
+pub(super) fn largest_ball(
+    surface: &Surface,
+    touch: BallAt,
+    (most, apart): (f64, f64),
+    is_inside: bool,
+    last: &mut PreviousContact,
+) -> Result<Option<(f64, Foot)>> {
+    let mut begin = (most, None);
+    if let Some(patch) = last.0 {
+        begin = surface.ball_before(touch, most, apart, patch)?;
+    }
+    if begin.1.is_none() {
+        // What a ray meets bounds the ball, too, so that it starts small.
+        let through = surface.ray(touch.at, touch.toward, most, is_inside)?;
+        let seed = through.filter(|hit: &Foot| dot(hit.normal, touch.outward) <= apart);
+        begin = (seed.map_or(most, |hit| (0.5 * hit.distance).min(most)), seed);
+    }
+    let (radius, contact) = surface.ball(touch, begin.0, apart)?;
+    let Some(bound) = contact.or(begin.1) else { return Ok(None) };
+    last.0 = Some(bound.place);
+    Ok(Some((radius, bound)))
 }
 
 /// At a world position, which is first moved onto the surface; `None` if that is farther than four cells. In world units.

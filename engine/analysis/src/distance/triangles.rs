@@ -2,13 +2,19 @@
 
 use super::boxes::{Boxes, Lanes, Normals, Probe, Question, WIDE, block_of, reciprocals};
 use super::patch::nearest_of_triangle;
+use super::spilled::{Spill, Spilled};
+use super::triangle_sort::{
+    Extent, FacetCorners, PartSorter, TRIANGLE_BYTES, area_normal, bytes_of, corners_of, parts, read_all,
+};
 use crate::error::{Error, Result};
-use crate::lattice::{cross, dot, minus, mix, morton};
+use crate::lattice::{cross, dot, minus, mix};
 use crate::progress::Progress;
-use crate::soup::{Facets, runs};
+use crate::soup::Facets;
+use std::path::Path;
 
-/// Triangles in a run of boxes.
+/// Triangles in a run of boxes, and in a group.
 const RUN: usize = 4;
+const GROUP: usize = 2048;
 /// Feet that are as near as this part of their squares are equally near: of an edge, found from its two sides.
 const TIE: f64 = 1e-9;
 /// A ray that passes so near to an edge, in parts of the triangle, asks another one.
@@ -23,11 +29,41 @@ const RAYS: [[f64; 3]; 6] = [
     [0.911_741, -0.201_833, -0.357_719],
 ];
 
-/// All triangles with area of a mesh, with positions of 32 bits as in mesh files: 60 bytes each.
+/// All triangles with area of a mesh, with positions of 32 bits as in mesh files: 60 bytes each, in groups of neighbours, in a
+/// file beside memory where they are more than allowed.
 pub struct Triangles {
-    corners: Vec<[[f32; 3]; 3]>,
+    groups: Spilled<Group>,
     boxes: Boxes,
+    count: usize,
     is_closed: bool,
+}
+
+/// Triangles that are near one another.
+struct Group {
+    corners: Vec<FacetCorners>,
+    boxes: Boxes,
+}
+
+impl Group {
+    fn of(corners: Vec<FacetCorners>) -> Group {
+        let block = |facet: &FacetCorners| block_of(facet.iter().map(|c| c.map(f64::from)), 0.0);
+        let boxes = Boxes::new(corners.iter().map(block), RUN);
+        Group { corners, boxes }
+    }
+}
+
+impl Spill for Group {
+    fn bytes(&self) -> Vec<u8> {
+        bytes_of(&self.corners)
+    }
+
+    fn of_bytes(bytes: &[u8]) -> Option<Group> {
+        corners_of(bytes).map(Group::of)
+    }
+
+    fn heap_bytes(&self) -> usize {
+        self.corners.len() * TRIANGLE_BYTES + self.boxes.heap_bytes()
+    }
 }
 
 /// The nearest point of a mesh.
@@ -42,44 +78,68 @@ pub struct Nearest {
 }
 
 impl Triangles {
-    /// Of some sources together.
+    /// Of some sources together, in so many bytes of memory, with a file in `folder` for what does not fit. Sources are read
+    /// two or three times.
     ///
     /// # Errors
-    /// If there are no triangles; [`Error::Interrupted`].
-    pub fn new(sources: &[&dyn Facets], progress: &dyn Progress) -> Result<Triangles> {
+    /// If there are no triangles; what writing the file gives; [`Error::Interrupted`].
+    pub fn new(
+        sources: &[&dyn Facets],
+        (memory, folder): (u64, &Path),
+        progress: &dyn Progress,
+    ) -> Result<Triangles> {
         let total = sources.iter().map(|source| source.facets()).sum();
         progress.phase("reading the reference", Some(total), "facets");
-        let mut corners: Vec<[[f32; 3]; 3]> = Vec::new();
-        let (mut read, mut balance) = (Vec::new(), 0u64);
-        for (source, range) in runs(sources) {
-            progress.check()?;
-            sources[source].read(range, &mut read);
-            progress.advance(read.len() as u64);
-            for facet in &read {
-                let facet = facet.map(|c| c.map(|c| c as f32));
-                for n in 0..3 {
-                    balance = balance.wrapping_add(directed(facet[n], facet[(n + 1) % 3]));
-                }
-                if area_normal(&facet).is_some() {
-                    corners.push(facet);
+        let (mut balance, mut count) = (0u64, 0usize);
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        read_all(sources, progress, |facet, has_area| {
+            for n in 0..3 {
+                balance = balance.wrapping_add(directed(facet[n], facet[(n + 1) % 3]));
+            }
+            if has_area {
+                count += 1;
+                for c in facet {
+                    (0..3).for_each(|a| (low[a], high[a]) = (low[a].min(c[a]), high[a].max(c[a])));
                 }
             }
-        }
-        if corners.is_empty() {
+            Ok(())
+        })?;
+        if count == 0 {
             return Err(Error::setting("the reference has no triangle with area", "give a mesh of the part"));
         }
-        let whole = block_of(corners.iter().flatten().map(|c| c.map(f64::from)), 0.0);
-        let size = (0..3).map(|a| whole[1][a] - whole[0][a]).fold(f32::MIN_POSITIVE, f32::max);
-        let place = |facet: &[[f32; 3]; 3]| {
-            morton(std::array::from_fn(|a| {
-                let middle = (facet[0][a] + facet[1][a] + facet[2][a]) / 3.0;
-                (((middle - whole[0][a]) / size).clamp(0.0, 1.0) * 2_097_151.0) as u32
-            }))
-        };
-        corners.sort_by_cached_key(place);
-        let block = |facet: &[[f32; 3]; 3]| block_of(facet.iter().map(|c| c.map(f64::from)), 0.0);
-        let boxes = Boxes::new(corners.iter().map(block), RUN);
-        Ok(Triangles { corners, boxes, is_closed: balance == 0 })
+        let size = (0..3).map(|a| high[a] - low[a]).fold(f32::MIN_POSITIVE, f32::max);
+        let extent = Extent::new(low, size);
+        let mut groups = Spilled::new(memory, folder);
+        let (mut blocks, mut rest) = (Vec::new(), Vec::new());
+        let parts = parts(sources, extent, count, memory, progress)?;
+        progress.phase("sorting the reference", Some(total), "facets");
+        let mut sorter = PartSorter::new(&parts, count.min((memory / 4) as usize / TRIANGLE_BYTES), folder);
+        read_all(
+            sources,
+            progress,
+            |facet, has_area| {
+                if has_area { sorter.add(extent.cube(&facet), facet) } else { Ok(()) }
+            },
+        )?;
+        for part in 0..parts.len() {
+            progress.check()?;
+            let mut corners = sorter.part(part)?;
+            corners.sort_by_cached_key(|facet| extent.place(facet));
+            rest.append(&mut corners);
+            let whole = rest.len() / GROUP * GROUP;
+            for group in rest[..whole].chunks(GROUP) {
+                let group = Group::of(group.to_vec());
+                blocks.push(group.boxes.whole());
+                groups.push(group)?;
+            }
+            rest.drain(..whole);
+        }
+        if !rest.is_empty() {
+            let group = Group::of(rest);
+            blocks.push(group.boxes.whole());
+            groups.push(group)?;
+        }
+        Ok(Triangles { groups, boxes: Boxes::new(blocks.into_iter(), 1), count, is_closed: balance == 0 })
     }
 
     /// Whether every edge has as many triangles on one side as on the other.
@@ -93,77 +153,157 @@ impl Triangles {
     }
 
     /// The nearest point, of several triangles at an edge that of the one that sees the place best.
-    pub fn nearest(&self, from: [f64; 3]) -> Nearest {
-        let none = Nearest { at: [0.0; 3], normal: [0.0; 3], distance: f64::INFINITY };
-        let probe = Probe::new(from, self.boxes.size());
-        let mut near = NearestOf {
-            corners: &self.corners,
-            from,
-            probe,
-            within: f64::INFINITY,
-            aligned: -1.0,
-            best: none,
-        };
-        let found = self.boxes.search(&mut near);
-        debug_assert!(found.is_ok());
-        near.best
+    ///
+    /// # Errors
+    /// What reading the file gives.
+    pub fn nearest(&self, from: [f64; 3]) -> Result<Nearest> {
+        let best = Nearest { at: [0.0; 3], normal: [0.0; 3], distance: f64::INFINITY };
+        let mut near = NearestOf { from, within: f64::INFINITY, aligned: -1.0, best };
+        self.ask(&mut near, from)?;
+        Ok(near.best)
     }
 
     /// The distance from the mesh, below 0 inside: where w ≥ 1 of a closed one, else behind the nearest triangle. With the
     /// nearest point.
-    pub fn signed(&self, from: [f64; 3]) -> (f64, Nearest) {
-        let nearest = self.nearest(from);
+    ///
+    /// # Errors
+    /// What reading the file gives.
+    pub fn signed(&self, from: [f64; 3]) -> Result<(f64, Nearest)> {
+        let nearest = self.nearest(from)?;
+        let mut winding = None;
+        for ray in RAYS.iter().filter(|_| self.is_closed) {
+            winding = self.winding(from, *ray)?;
+            if winding.is_some() {
+                break;
+            }
+        }
         let behind = || dot(minus(from, nearest.at), nearest.normal) < 0.0;
-        let winding =
-            if self.is_closed { RAYS.iter().find_map(|ray| self.winding(from, *ray)) } else { None };
         let inside = winding.map_or_else(behind, |w| w >= 1);
-        (if inside { -nearest.distance } else { nearest.distance }, nearest)
+        Ok((if inside { -nearest.distance } else { nearest.distance }, nearest))
     }
 
     /// The winding number by the triangles that a ray passes; `None` if it passes an edge.
-    fn winding(&self, from: [f64; 3], toward: [f64; 3]) -> Option<i32> {
+    fn winding(&self, from: [f64; 3], toward: [f64; 3]) -> Result<Option<i32>> {
+        let mut passed = Passed { from, toward, over: reciprocals(toward), count: Some(0) };
+        self.ask(&mut passed, from)?;
+        Ok(passed.count)
+    }
+
+    /// Asks all triangles, those in near boxes first.
+    fn ask(&self, question: &mut impl TriangleQuestion, from: [f64; 3]) -> Result<()> {
         let probe = Probe::new(from, self.boxes.size());
-        let over = reciprocals(toward);
-        let mut passed = Passed { corners: &self.corners, from, toward, probe, over, count: Some(0) };
-        let found = self.boxes.search(&mut passed);
-        debug_assert!(found.is_ok());
-        passed.count
+        self.boxes.search(&mut OfGroups { triangles: self, question, probe, from })
     }
 
     /// Points of the mesh: corners of triangles, and points spread evenly by area, at most so many of each.
-    pub fn samples(&self, most: usize) -> Vec<[f64; 3]> {
-        let step = self.corners.len().div_ceil(most).max(1);
-        let mut points: Vec<[f64; 3]> =
-            self.corners.iter().step_by(step).map(|facet| facet[0].map(f64::from)).collect();
-        let areas: Vec<f64> = self.corners.iter().map(area).collect();
-        let total: f64 = areas.iter().sum();
-        let count = most.min(self.corners.len().max(20_000));
-        let mut passed = 0.0;
-        let mut next = 0usize;
-        for (facet, area) in self.corners.iter().zip(areas) {
-            passed += area;
-            while next < count && (next as f64 + 0.5) * total <= passed * count as f64 {
-                // Numbers that look random, the same for every run.
-                let bits = mix((next as u64).wrapping_mul(crate::lattice::GOLDEN));
-                let (mut s, mut t) =
-                    ((bits >> 32) as f64 / 4_294_967_296.0, (bits & 0xffff_ffff) as f64 / 4_294_967_296.0);
-                if s + t > 1.0 {
-                    (s, t) = (1.0 - s, 1.0 - t);
+    ///
+    /// # Errors
+    /// What reading the file gives.
+    pub fn samples(&self, most: usize) -> Result<Vec<[f64; 3]>> {
+        let step = self.count.div_ceil(most).max(1);
+        let (mut points, mut spread) = (Vec::new(), Vec::new());
+        let (mut number, mut total) = (0usize, 0.0);
+        for group in 0..self.groups.len() {
+            for facet in &self.groups.get(group)?.corners {
+                if number.is_multiple_of(step) {
+                    points.push(facet[0].map(f64::from));
                 }
-                let [a, b, c] = facet.map(|c| c.map(f64::from));
-                points.push(std::array::from_fn(|n| a[n] + s * (b[n] - a[n]) + t * (c[n] - a[n])));
-                next += 1;
+                number += 1;
+                total += area(facet);
             }
         }
-        points
+        let count = most.min(self.count.max(20_000));
+        let (mut passed, mut next) = (0.0, 0usize);
+        for group in 0..self.groups.len() {
+            for facet in &self.groups.get(group)?.corners {
+                passed += area(facet);
+                while next < count && (next as f64 + 0.5) * total <= passed * count as f64 {
+                    spread.push(within(facet, next));
+                    next += 1;
+                }
+            }
+        }
+        points.append(&mut spread);
+        Ok(points)
+    }
+}
+
+/// A point of a triangle by numbers that look random, the same for every run.
+fn within(facet: &FacetCorners, number: usize) -> [f64; 3] {
+    let bits = mix((number as u64).wrapping_mul(crate::lattice::GOLDEN));
+    let (mut s, mut t) =
+        ((bits >> 32) as f64 / 4_294_967_296.0, (bits & 0xffff_ffff) as f64 / 4_294_967_296.0);
+    if s + t > 1.0 {
+        (s, t) = (1.0 - s, 1.0 - t);
+    }
+    let [a, b, c] = facet.map(|c| c.map(f64::from));
+    std::array::from_fn(|n| a[n] + s * (b[n] - a[n]) + t * (c[n] - a[n]))
+}
+
+/// Something to ask of triangles.
+trait TriangleQuestion {
+    /// See [`Question::nearness`].
+    fn nearness(&self, boxes: &Lanes, probe: &Probe) -> [f32; WIDE];
+    /// See [`Question::counts`].
+    fn counts(&self, nearness: f32) -> bool;
+    /// Looks at a triangle.
+    fn visit(&mut self, corners: &FacetCorners);
+}
+
+/// A question to the groups of a mesh.
+struct OfGroups<'a, Q> {
+    triangles: &'a Triangles,
+    question: &'a mut Q,
+    probe: Probe,
+    from: [f64; 3],
+}
+
+impl<Q: TriangleQuestion> Question for OfGroups<'_, Q> {
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
+        self.question.nearness(boxes, &self.probe)
+    }
+
+    #[inline]
+    fn counts(&self, nearness: f32) -> bool {
+        self.question.counts(nearness)
+    }
+
+    fn visit(&mut self, thing: usize) -> Result<()> {
+        let group = self.triangles.groups.get(thing)?;
+        let probe = Probe::new(self.from, group.boxes.size());
+        group.boxes.search(&mut OfGroup { corners: &group.corners, question: self.question, probe })
+    }
+}
+
+/// A question to the triangles of a group.
+struct OfGroup<'a, Q> {
+    corners: &'a [FacetCorners],
+    question: &'a mut Q,
+    probe: Probe,
+}
+
+impl<Q: TriangleQuestion> Question for OfGroup<'_, Q> {
+    #[inline]
+    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
+        self.question.nearness(boxes, &self.probe)
+    }
+
+    #[inline]
+    fn counts(&self, nearness: f32) -> bool {
+        self.question.counts(nearness)
+    }
+
+    #[inline]
+    fn visit(&mut self, thing: usize) -> Result<()> {
+        self.question.visit(&self.corners[thing]);
+        Ok(())
     }
 }
 
 /// The nearest point of triangles.
-struct NearestOf<'a> {
-    corners: &'a [[[f32; 3]; 3]],
+struct NearestOf {
     from: [f64; 3],
-    probe: Probe,
     /// The square of the least distance.
     within: f64,
     /// How well the best one sees the place: the cosine between its normal and the way to the place.
@@ -171,10 +311,10 @@ struct NearestOf<'a> {
     best: Nearest,
 }
 
-impl Question for NearestOf<'_> {
+impl TriangleQuestion for NearestOf {
     #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, ((self.within * (1.0 + TIE)) as f32).next_up())
+    fn nearness(&self, boxes: &Lanes, probe: &Probe) -> [f32; WIDE] {
+        boxes.squared_from(probe, ((self.within * (1.0 + TIE)) as f32).next_up())
     }
 
     #[inline]
@@ -182,38 +322,35 @@ impl Question for NearestOf<'_> {
         f64::from(nearness) <= self.within * (1.0 + TIE)
     }
 
-    fn visit(&mut self, thing: usize) -> Result<()> {
-        let at = nearest_of_triangle(self.from, self.corners[thing].map(|c| c.map(f64::from)));
+    fn visit(&mut self, corners: &FacetCorners) {
+        let at = nearest_of_triangle(self.from, corners.map(|c| c.map(f64::from)));
         let away = minus(self.from, at);
         let squared = dot(away, away);
         if squared > self.within * (1.0 + TIE) {
-            return Ok(());
+            return;
         }
-        let Some(normal) = area_normal(&self.corners[thing]) else { return Ok(()) };
+        let Some(normal) = area_normal(corners) else { return };
         let distance = squared.sqrt();
         let aligned = dot(away, normal).abs() / distance.max(f64::MIN_POSITIVE);
         if squared < self.within * (1.0 - TIE) || aligned > self.aligned {
             (self.aligned, self.best) = (aligned, Nearest { at, normal, distance });
         }
         self.within = self.within.min(squared);
-        Ok(())
     }
 }
 
 /// The winding number by the triangles that a ray passes; `None` if it passes an edge.
-struct Passed<'a> {
-    corners: &'a [[[f32; 3]; 3]],
+struct Passed {
     from: [f64; 3],
     toward: [f64; 3],
-    probe: Probe,
     over: [f32; 3],
     count: Option<i32>,
 }
 
-impl Question for Passed<'_> {
+impl TriangleQuestion for Passed {
     #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.entered(&self.probe, self.over, f32::INFINITY)
+    fn nearness(&self, boxes: &Lanes, probe: &Probe) -> [f32; WIDE] {
+        boxes.entered(probe, self.over, f32::INFINITY)
     }
 
     #[inline]
@@ -221,10 +358,9 @@ impl Question for Passed<'_> {
         self.count.is_some()
     }
 
-    fn visit(&mut self, thing: usize) -> Result<()> {
-        let corners = self.corners[thing].map(|c| c.map(f64::from));
+    fn visit(&mut self, corners: &FacetCorners) {
+        let corners = corners.map(|c| c.map(f64::from));
         self.count = self.count.and_then(|w| Some(w + passed(self.from, self.toward, corners)?));
-        Ok(())
     }
 }
 
@@ -256,14 +392,7 @@ fn passed(from: [f64; 3], toward: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Option<
     Some(if turn < 0.0 { 1 } else { -1 })
 }
 
-fn area_normal(facet: &[[f32; 3]; 3]) -> Option<[f64; 3]> {
-    let [a, b, c] = facet.map(|c| c.map(f64::from));
-    let normal = cross(minus(b, a), minus(c, a));
-    let length = dot(normal, normal).sqrt();
-    (length > 0.0 && length.is_finite()).then(|| normal.map(|c| c / length))
-}
-
-fn area(facet: &[[f32; 3]; 3]) -> f64 {
+fn area(facet: &FacetCorners) -> f64 {
     let [a, b, c] = facet.map(|c| c.map(f64::from));
     let normal = cross(minus(b, a), minus(c, a));
     0.5 * dot(normal, normal).sqrt()
@@ -299,7 +428,8 @@ mod tests {
     fn distances_of_overlapping_cubes_have_signs_of_their_union() {
         let mut facets = cube(0.0, 2.0);
         facets.extend(cube(1.0, 2.0));
-        let triangles = Triangles::new(&[&facets], &Silent).unwrap();
+        let held = (1 << 20, Path::new("."));
+        let triangles = Triangles::new(&[&facets], held, &Silent).unwrap();
         assert!(triangles.is_closed());
         for (p, expected) in [
             ([-1.0, 1.0, 1.0], 1.0),
@@ -308,17 +438,44 @@ mod tests {
             ([1.5, 1.5, 1.25], -0.25),
             ([3.5, 3.5, 3.5], 0.75f64.sqrt()),
         ] {
-            assert!((triangles.signed(p).0 - expected).abs() < 1e-9, "{p:?} {:?}", triangles.signed(p));
+            let signed = triangles.signed(p).unwrap();
+            assert!((signed.0 - expected).abs() < 1e-9, "{p:?} {signed:?}");
         }
         facets.pop();
-        assert!(!Triangles::new(&[&facets], &Silent).unwrap().is_closed());
+        assert!(!Triangles::new(&[&facets], held, &Silent).unwrap().is_closed());
     }
 
     #[test]
     fn samples_are_spread_by_area() {
-        let triangles = Triangles::new(&[&cube(0.0, 2.0)], &Silent).unwrap();
-        let samples = triangles.samples(3000);
+        let held = (1 << 20, Path::new("."));
+        let triangles = Triangles::new(&[&cube(0.0, 2.0)], held, &Silent).unwrap();
+        let samples = triangles.samples(3000).unwrap();
         let above = samples.iter().filter(|p| p[2] == 2.0).count();
         assert!((480..540).contains(&above), "{above}");
+    }
+
+    #[test]
+    fn what_does_not_fit_gives_the_same_numbers() {
+        // A ball of facets, which are many, and a far one that makes most cubes empty.
+        let facet = |n: u64| -> [[f64; 3]; 3] {
+            let corner =
+                |k: u64| [0, 1, 2].map(|a| (mix(9 * n + 3 * k + a) >> 11) as f64 / (1u64 << 53) as f64);
+            let middle = corner(7).map(|c| 20.0 * c);
+            [0, 1, 2].map(|k| std::array::from_fn(|a| middle[a] + corner(k)[a]))
+        };
+        let mut facets: Vec<[[f64; 3]; 3]> = (0..9000).map(facet).collect();
+        facets.push([[300.0, 0.0, 0.0], [300.0, 1.0, 0.0], [300.0, 0.0, 1.0]]);
+        let folder = tempfile::tempdir().unwrap();
+        let all = Triangles::new(&[&facets], (1 << 30, folder.path()), &Silent).unwrap();
+        for memory in [400_000, 150_000, 1000] {
+            let some = Triangles::new(&[&facets], (memory, folder.path()), &Silent).unwrap();
+            assert_eq!(some.groups.len(), all.groups.len());
+            assert_eq!(some.samples(700).unwrap(), all.samples(700).unwrap());
+            for n in 0..300 {
+                let p = facet(77_777 + n)[0].map(|c| 1.2 * c - 2.0);
+                let (a, b) = (some.signed(p).unwrap(), all.signed(p).unwrap());
+                assert_eq!((a.0, a.1.at, a.1.normal), (b.0, b.1.at, b.1.normal));
+            }
+        }
     }
 }

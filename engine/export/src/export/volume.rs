@@ -24,6 +24,8 @@ pub enum Quantity {
     Winding,
     /// Signed distances near the surface, of a [`crate::distance::DistanceTree`]; floats, in world units.
     Distance,
+    /// Diameters of a [`crate::distance::LocalThickness`], 0 where nothing is measured; floats, in world units.
+    Thickness,
 }
 
 /// Levels of a tree with the type of their values.
@@ -64,14 +66,14 @@ impl Volume<'_> {
     pub(crate) fn scale(&self, level: u8) -> f32 {
         match self.quantity {
             Quantity::Winding => 1.0,
-            Quantity::Distance => self.spacing(level) as f32,
+            Quantity::Distance | Quantity::Thickness => self.spacing(level) as f32,
         }
     }
 
     /// The sample of what is empty.
     pub(crate) fn background(&self) -> i16 {
         match self.quantity {
-            Quantity::Winding => 0,
+            Quantity::Winding | Quantity::Thickness => 0,
             Quantity::Distance => BAND,
         }
     }

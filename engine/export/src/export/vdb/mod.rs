@@ -146,7 +146,7 @@ impl Grid<'_> {
         let mut head = Vec::new();
         word(&mut head, COMPRESSION);
         let class = match self.volume.quantity {
-            Quantity::Winding => "fog volume",
+            Quantity::Winding | Quantity::Thickness => "fog volume",
             Quantity::Distance => "level set",
         };
         let mut entries = vec![("class", class), ("name", name)];

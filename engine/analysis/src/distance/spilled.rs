@@ -1,0 +1,114 @@
+//! Groups of equal things, in memory as far as allowed, and else in a file that is read through a cache.
+
+use crate::error::Result;
+use crate::lattice::{MAX_LEVEL, NodeKey};
+use crate::part::temporary::TempFile;
+use crate::store::BrickCache;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A group of things that can lie in a file.
+pub(super) trait Spill: Sized {
+    /// For the file.
+    fn bytes(&self) -> Vec<u8>;
+    /// What [`Spill::bytes`] gave; `None` of anything else.
+    fn of_bytes(bytes: &[u8]) -> Option<Self>;
+    /// Bytes of memory.
+    fn heap_bytes(&self) -> usize;
+}
+
+enum HeldGroup<T> {
+    Here(Arc<T>),
+    There { offset: u64, bytes: usize },
+}
+
+/// Groups by number.
+pub(super) struct Spilled<T> {
+    held: Vec<HeldGroup<T>>,
+    file: TempFile,
+    cache: BrickCache<T>,
+    here: u64,
+    memory: u64,
+}
+
+impl<T: Spill> Spilled<T> {
+    /// None yet, in so many bytes of memory, with a file in `folder` for what does not fit.
+    pub fn new(memory: u64, folder: &Path) -> Spilled<T> {
+        let cache = BrickCache::new(memory / 2);
+        Spilled { held: Vec::new(), file: TempFile::new(folder), cache, here: 0, memory }
+    }
+
+    pub fn len(&self) -> usize {
+        self.held.len()
+    }
+
+    /// Adds a group.
+    pub fn push(&mut self, group: T) -> Result<()> {
+        let bytes = group.heap_bytes() as u64;
+        if self.here + bytes <= self.memory / 2 {
+            self.here += bytes;
+            self.held.push(HeldGroup::Here(Arc::new(group)));
+            return Ok(());
+        }
+        let bytes = group.bytes();
+        self.held.push(HeldGroup::There { offset: self.file.append(&bytes)?, bytes: bytes.len() });
+        Ok(())
+    }
+
+    pub fn get(&self, number: usize) -> Result<Arc<T>> {
+        let (offset, bytes) = match &self.held[number] {
+            HeldGroup::Here(group) => return Ok(group.clone()),
+            HeldGroup::There { offset, bytes } => (*offset, *bytes),
+        };
+        let name = name(number);
+        if let Some(group) = name.and_then(|name| self.cache.get(name)) {
+            return Ok(group);
+        }
+        let mut read = vec![0; bytes];
+        self.file.read(offset, &mut read)?;
+        let group = Arc::new(T::of_bytes(&read).ok_or_else(|| self.file.damaged())?);
+        if let Some(name) = name {
+            drop(self.cache.insert(name, &group, group.heap_bytes()));
+        }
+        Ok(group)
+    }
+}
+
+/// A name of a group for the cache, which goes by places.
+fn name(number: usize) -> Option<NodeKey> {
+    let number = number as u64;
+    NodeKey::new(MAX_LEVEL, [0, 16, 32].map(|bits| (number >> bits & 0xffff) as u32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    impl Spill for u64 {
+        fn bytes(&self) -> Vec<u8> {
+            self.to_le_bytes().to_vec()
+        }
+
+        fn of_bytes(bytes: &[u8]) -> Option<u64> {
+            Some(u64::from_le_bytes(bytes.try_into().ok()?))
+        }
+
+        fn heap_bytes(&self) -> usize {
+            100
+        }
+    }
+
+    #[test]
+    fn groups_come_back_from_memory_cache_and_file() {
+        for memory in [0, 3000, 20_000, 1 << 20] {
+            let folder = tempfile::tempdir().unwrap();
+            let mut spilled = Spilled::new(memory, folder.path());
+            (0..200_000u64).step_by(1000).for_each(|n| spilled.push(n).unwrap());
+            for n in (0..spilled.len()).chain((0..spilled.len()).rev()) {
+                assert_eq!(*spilled.get(n).unwrap(), 1000 * n as u64);
+            }
+        }
+        let names: Vec<_> = [0, 1, 65_535, 65_536, 1 << 31].map(|n| name(n).unwrap()).into();
+        assert!((1..5).all(|n| !names[..n].contains(&names[n])));
+    }
+}
