@@ -165,6 +165,11 @@ impl<'a> Bricks<'a> {
         Ok(prepared)
     }
 
+    /// Whether a brick is at hand.
+    pub fn holds(&self, key: NodeKey) -> bool {
+        self.cache.holds(key)
+    }
+
     /// Lets go of all that is kept.
     pub fn clear(&self) {
         self.cache.clear();

@@ -77,7 +77,11 @@ impl<'s> Frame<'s> {
     /// # Errors
     /// [`Error::Interrupted`](crate::error::Error::Interrupted); what reading the tree and `row` give.
     pub fn draw(&self, progress: &dyn Progress, row: impl FnMut(&[Rgba]) -> Result<()>) -> Result<()> {
-        self.draw_bands(progress, |number| self.band(number, progress), row)
+        let band = |number| {
+            self.fetch(number, progress)?;
+            self.band(number, progress)
+        };
+        self.draw_bands(progress, band, row)
     }
 
     /// The rows of bands from the top.

@@ -27,6 +27,7 @@ mod bricks;
 mod camera;
 mod caster;
 mod clip;
+mod fetch;
 mod field;
 mod frame;
 mod gpu_scene;
