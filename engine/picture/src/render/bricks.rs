@@ -170,6 +170,11 @@ impl<'a> Bricks<'a> {
         self.cache.holds(key)
     }
 
+    /// Lets a brick stay for a while.
+    pub fn will_be_used(&self, key: NodeKey) {
+        self.cache.renew(key);
+    }
+
     /// Lets go of all that is kept.
     pub fn clear(&self) {
         self.cache.clear();

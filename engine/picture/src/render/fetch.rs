@@ -19,14 +19,18 @@ const RAYS_A_BRICK: f64 = 8.0;
 /// in memory.
 const BRICKS_A_PART: f64 = 8.0;
 /// Rounds after which the rest comes as rays need it. Seldom do more bricks lie behind each other at a pixel.
-const ROUNDS_MAX: usize = 32;
+pub(super) const ROUNDS_MAX: usize = 32;
 
 impl Frame<'_> {
+    /// Whether bricks come from elsewhere and are to be fetched before rays wait for them. What colours the part by something
+    /// else than w has read the store already.
+    pub(super) fn is_fetched(&self) -> bool {
+        self.scene.bricks.tree.is_elsewhere() && self.scene.tint.is_none()
+    }
+
     /// Has fetched what the bands of tiles need that begin with this one, if it begins a part of the picture.
     pub(super) fn fetch(&self, band: u32, progress: &dyn Progress) -> Result<()> {
-        let bricks = &self.scene.bricks;
-        // What colours the part otherwise has read the store already.
-        if !bricks.tree.is_elsewhere() || self.scene.tint.is_some() {
+        if !self.is_fetched() {
             return Ok(());
         }
         let brick_pixels = self.cell_pixels * BRICK_CELLS as f64;
@@ -40,24 +44,30 @@ impl Frame<'_> {
         for _ in 0..ROUNDS_MAX {
             progress.check()?;
             let rows = rows.clone().into_par_iter().step_by(step);
-            let parts: Vec<Vec<NodeKey>> =
+            let missing: Vec<Vec<NodeKey>> =
                 rows.map(|y| self.missing_along(y, step)).collect::<Result<_>>()?;
-            let mut missing: Vec<NodeKey> =
-                parts.into_iter().flatten().filter(|key| !fetched.contains(key)).collect();
-            missing.sort_unstable();
-            missing.dedup();
-            if missing.is_empty() {
+            if !self.fetch_all(missing.concat(), &mut fetched)? {
                 break;
             }
-            let walk = Walk::new(bricks.tree, missing.len(), |number| Some(missing[number]));
-            missing.iter().enumerate().par_bridge().try_for_each_init(Default::default, |lane, (n, key)| {
-                walk.at(n);
-                bricks.get(*key, lane).map(drop)
-            })?;
-            drop(walk);
-            fetched.extend(missing);
         }
         Ok(())
+    }
+
+    /// Has those bricks fetched that were not yet; false if there are none.
+    pub(super) fn fetch_all(&self, mut missing: Vec<NodeKey>, fetched: &mut HashSet<NodeKey>) -> Result<bool> {
+        let bricks = &self.scene.bricks;
+        missing.retain(|key| fetched.insert(*key));
+        missing.sort_unstable();
+        let walk = Walk::new(bricks.tree, missing.len(), |number| Some(missing[number]));
+        // Handed out in order.
+        missing.iter().enumerate().par_bridge().try_for_each_init(Default::default, |lane, (n, key)| {
+            walk.at(n);
+            bricks.get(*key, lane)?;
+            // Those that are kept since long shall not seem to be of more use.
+            bricks.will_be_used(*key);
+            Ok(())
+        })?;
+        Ok(!missing.is_empty())
     }
 
     /// The bricks that rays through a row of pixels need and that are not here.
@@ -67,6 +77,6 @@ impl Frame<'_> {
             tracer.begin_pixel();
             tracer.follow(&self.ray([x, y].map(|c| f64::from(c) + 0.5)))?;
         }
-        Ok(tracer.missing())
+        Ok(tracer.take_missing())
     }
 }

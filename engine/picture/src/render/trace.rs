@@ -158,9 +158,9 @@ impl<'a> RayTracer<'a> {
         RayTracer { missing: Some(Vec::new()), ..self }
     }
 
-    /// The bricks that were noted.
-    pub fn missing(self) -> Vec<NodeKey> {
-        self.missing.unwrap_or_default()
+    /// The bricks that were noted since it was asked last.
+    pub fn take_missing(&mut self) -> Vec<NodeKey> {
+        self.missing.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// Begins with the rays of another pixel.
