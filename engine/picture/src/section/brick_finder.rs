@@ -90,6 +90,22 @@ impl<'a> BrickFinder<'a> {
     }
 }
 
+/// Tells a tree whose bricks come from elsewhere that those at these positions will be asked for next.
+pub(super) fn tell_ahead(tree: &dyn BrickTree, level: u8, places: impl Iterator<Item = [f64; 3]>) {
+    if !tree.is_elsewhere() {
+        return;
+    }
+    let is_read = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.uniform().is_none());
+    let mut keys: Vec<NodeKey> =
+        places.filter_map(|at| node_at(tree, level, at)).filter(is_read).collect();
+    keys.sort_unstable();
+    keys.dedup();
+    let mut rest = &keys[..];
+    while !rest.is_empty() {
+        rest = &rest[tree.ahead(rest).clamp(1, rest.len())..];
+    }
+}
+
 /// The leaf, or the interior node of the level, whose cells hold the position.
 fn node_at(tree: &dyn BrickTree, level: u8, at: [f64; 3]) -> Option<NodeKey> {
     let deepest = NodeKey::deepest_holding(at)?;

@@ -7,7 +7,7 @@
 //! stretch bends as the normals at its ends say. A brick of a coarser level is asked for the boundary in its own,
 //! larger squares.
 
-use super::brick_finder::{BrickFinder, PlacedBrick};
+use super::brick_finder::{BrickFinder, PlacedBrick, tell_ahead};
 use super::cell::stretches;
 use super::face::{Layer, PlaneCrossing};
 use super::join::{Contour, ContourSegment, EdgeId, EdgePoint, TileContour, edge};
@@ -58,6 +58,8 @@ pub fn contour(
     let mut whole = TileContour::default();
     for chunk in tiles.chunks(TILES_AT_ONCE * rayon::current_num_threads().max(1) * 4) {
         progress.check()?;
+        let corner = |[u, v]: &[u32; 2]| squares.units([u << BRICK_BITS, v << BRICK_BITS]);
+        tell_ahead(tree, level, chunk.iter().map(corner));
         let parts: Vec<TileContour> =
             chunk.par_chunks(TILES_AT_ONCE).map(|tiles| squares.several(tiles)).collect::<Result<_>>()?;
         for part in parts {
