@@ -43,7 +43,7 @@ pub use layout::{FORMAT_VERSION, IndexEntry};
 pub use meta::{BeadsMeta, BuildCounts, Meta, Refine, Source};
 pub use moved::MovedTree;
 pub use order::{build_order, subtree_level};
-pub use prefetch::Walk;
+pub use prefetch::{Walk, tell_ahead, tell_below};
 pub use ranges::{ByteRanges, RangeFault};
 pub use reader::hash_of;
 pub use reader::{AcceptedStores, Store, StoreOptions, is_store};

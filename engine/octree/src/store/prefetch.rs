@@ -8,7 +8,7 @@
 use super::BrickTree;
 use super::cache::CacheStats;
 use super::layout::IndexEntry;
-use crate::lattice::NodeKey;
+use crate::lattice::{NodeKey, Octant};
 use std::collections::{HashSet, VecDeque};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -106,6 +106,28 @@ impl Merging {
         let first_left = gaps.get(read).copied().unwrap_or(u64::MAX);
         gaps[..read].iter().rev().find(|gap| **gap < first_left).copied().unwrap_or(0)
     }
+}
+
+/// Tells a tree whose bricks come from elsewhere that these will be asked for next, and has them come at once.
+pub fn tell_ahead(tree: &dyn BrickTree, keys: &[NodeKey]) {
+    let mut rest = if tree.is_elsewhere() { keys } else { &[] };
+    while !rest.is_empty() {
+        rest = &rest[tree.ahead(rest).clamp(1, rest.len())..];
+    }
+}
+
+/// The same of all bricks below a node that are not uniform.
+pub fn tell_below(tree: &dyn BrickTree, key: NodeKey) {
+    if !tree.is_elsewhere() {
+        return;
+    }
+    let (mut keys, mut at) = (vec![key], 0);
+    while let Some(key) = keys.get(at).copied() {
+        let is_read = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.uniform().is_none());
+        keys.extend(Octant::all().map(|octant| key.child(octant)).filter(is_read));
+        at += 1;
+    }
+    tell_ahead(tree, &keys[1..]);
 }
 
 /// What a store was told of.

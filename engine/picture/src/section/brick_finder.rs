@@ -5,7 +5,7 @@ use super::plane::Plane;
 use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey};
-use crate::store::BrickTree;
+use crate::store::{BrickTree, tell_ahead};
 use std::cell::OnceCell;
 use std::sync::Arc;
 
@@ -91,7 +91,7 @@ impl<'a> BrickFinder<'a> {
 }
 
 /// Tells a tree whose bricks come from elsewhere that those at these positions will be asked for next.
-pub(super) fn tell_ahead(tree: &dyn BrickTree, level: u8, places: impl Iterator<Item = [f64; 3]>) {
+pub(super) fn tell_places(tree: &dyn BrickTree, level: u8, places: impl Iterator<Item = [f64; 3]>) {
     if !tree.is_elsewhere() {
         return;
     }
@@ -100,10 +100,7 @@ pub(super) fn tell_ahead(tree: &dyn BrickTree, level: u8, places: impl Iterator<
         places.filter_map(|at| node_at(tree, level, at)).filter(is_read).collect();
     keys.sort_unstable();
     keys.dedup();
-    let mut rest = &keys[..];
-    while !rest.is_empty() {
-        rest = &rest[tree.ahead(rest).clamp(1, rest.len())..];
-    }
+    tell_ahead(tree, &keys);
 }
 
 /// The leaf, or the interior node of the level, whose cells hold the position.

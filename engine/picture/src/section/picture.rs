@@ -1,6 +1,6 @@
 //! w in a plane as a picture.
 
-use super::brick_finder::{BrickFinder, nearest, tell_ahead, trilinear};
+use super::brick_finder::{BrickFinder, nearest, tell_places, trilinear};
 use super::legend::SectionLegend;
 use super::plane::Plane;
 use crate::error::{Error, Result};
@@ -242,7 +242,7 @@ impl Grid {
         progress.phase("drawing", Some(bands as u64), "bands");
         for band in 0..bands {
             progress.check()?;
-            tell_ahead(tree, self.level, self.places(band..band + 2));
+            tell_places(tree, self.level, self.places(band..band + 2));
             let tiles: Vec<Vec<Rgba>> = (0..self.size[0].div_ceil(TILE))
                 .into_par_iter()
                 .map_init(
