@@ -92,6 +92,24 @@ fn a_coarse_picture_fetches_little_and_many_ranges_at_once() {
 }
 
 #[test]
+fn a_store_in_the_order_of_levels_takes_fewer_requests() {
+    let dir = Scratch::new();
+    let (store, bytes) = pile(&dir, 4);
+    let levels = dir.path("levels.brf");
+    run(&[&"cache", &"repack", &store, &"-o", &levels, &"--order", &"level", &"--quiet"]).ok();
+    let servers = [bytes, std::fs::read(levels).unwrap()].map(Server::of);
+    let pictures = servers.each_ref().map(|server| {
+        let out = dir.path("view.png");
+        fetch(&[&"render", &server.address, &"-o", &out, &"--size", &"300x200", &"--level", &"2"]).ok();
+        std::fs::read(out).unwrap()
+    });
+    assert!(pictures[0] == pictures[1]);
+    let requests = servers.each_ref().map(Server::requests);
+    assert!(requests[1] * 2 < requests[0], "{requests:?}");
+    assert!(servers[1].bytes() <= servers[0].bytes());
+}
+
+#[test]
 fn cut_connections_are_made_again() {
     let dir = Scratch::new();
     let (store, bytes) = pile(&dir, 2);
