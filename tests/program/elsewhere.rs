@@ -100,7 +100,7 @@ fn a_store_in_the_order_of_levels_takes_fewer_requests() {
     let servers = [bytes, std::fs::read(levels).unwrap()].map(Server::of);
     let pictures = servers.each_ref().map(|server| {
         let out = dir.path("view.png");
-        fetch(&[&"render", &server.address, &"-o", &out, &"--size", &"300x200", &"--level", &"2"]).ok();
+        fetch(&[&"render", &server.address, &"-o", &out, &"--size", &"300x200", &"--level", &"3"]).ok();
         std::fs::read(out).unwrap()
     });
     assert!(pictures[0] == pictures[1]);

@@ -194,7 +194,7 @@ fn ask(agent: &Agent, address: &Uri, from: u64, last: u64) -> Result<Response<Bo
         ureq::Error::HostNotFound => fault("there is no such host", "check the address and the network"),
         ureq::Error::TooManyRedirects => fault("the server leads on and on", "check the address"),
         ureq::Error::Rustls(error) => {
-            fault(format!("the server cannot be trusted: {error}"), "check the address, and the certificates of this machine")
+            fault(format!("there is no safe connection to the server: {error}"), "check the address, and the certificates of this machine")
         }
         error => fault(format!("the server cannot be asked: {error}"), "check the address"),
     })
@@ -205,10 +205,14 @@ fn no_answer(error: &std::io::Error) -> RangeFault {
         ErrorKind::ConnectionRefused => passing("the server takes no connection"),
         // Of a certificate, which does not pass.
         ErrorKind::InvalidData => {
-            fault(format!("the server cannot be trusted: {error}"), "check the address, and the certificates of this machine")
+            fault(format!("there is no safe connection to the server: {error}"), "check the address, and the certificates of this machine")
         }
         ErrorKind::TimedOut | ErrorKind::WouldBlock => passing("the server does not answer"),
-        _ => passing(format!("the connection was cut ({error})")),
+        ErrorKind::ConnectionReset
+        | ErrorKind::ConnectionAborted
+        | ErrorKind::BrokenPipe
+        | ErrorKind::UnexpectedEof => passing(format!("the connection was cut ({error})")),
+        _ => passing(format!("there is no connection to the server ({error})")),
     }
 }
 
