@@ -245,7 +245,8 @@ fn the_range_coder_changes_no_answer() {
 fn levels_stand_one_after_the_other_where_that_is_asked_for() {
     let dir = Scratch::new();
     let input = example("clover.gcode");
-    let store = built(&dir, "store.brf", &[&input, &"--depth", &"3", &"--identity", &"--compression", &"range"]);
+    let store =
+        built(&dir, "store.brf", &[&input, &"--depth", &"3", &"--identity", &"--compression", &"range"]);
     let [levels, back] = ["levels.brf", "back.brf"].map(|name| dir.path(name));
     run(&[&"cache", &"repack", &store, &"-o", &levels, &"--order", &"level", &"--quiet"]).ok();
     run(&[&"verify", &levels, &"--quiet"]).ok();

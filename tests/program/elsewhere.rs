@@ -78,7 +78,8 @@ fn a_coarse_picture_fetches_little_and_many_ranges_at_once() {
     let server = Server::new(Duration::from_millis(20), move |asked| Reply::range(asked, &copy, "1"));
     let [here, there] = ["here.png", "there.png"].map(|name| dir.path(name));
     let draw = |store: &dyn AsRef<OsStr>, out: &PathBuf| {
-        fetch(&[&"render", store, &"-o", out, &"--size", &"300x200", &"--lod", &"8", &"--supersample", &"1"]).ok()
+        fetch(&[&"render", store, &"-o", out, &"--size", &"300x200", &"--lod", &"8", &"--supersample", &"1"])
+            .ok()
     };
     draw(&store, &here);
     draw(&server.address, &there);
@@ -152,7 +153,9 @@ fn a_file_that_is_replaced_is_an_error_and_nothing_is_written() {
     };
     let with_tag = {
         let bytes = bytes.clone();
-        Server::new(Duration::ZERO, move |asked| Reply::range(asked, &bytes, if other(asked) { "1" } else { "2" }))
+        Server::new(Duration::ZERO, move |asked| {
+            Reply::range(asked, &bytes, if other(asked) { "1" } else { "2" })
+        })
     };
     let of_length = Server::new(Duration::ZERO, move |asked| match asked.number < 2 {
         true => Reply::range(asked, &bytes, "1"),
@@ -197,13 +200,22 @@ fn servers_that_do_not_send_ranges_are_told_apart() {
     refused(&status("403 Forbidden"), ["does not let this be read", "without signing in"]);
     refused(&status("418 I'm a teapot"), ["does not send the file (418", copy]);
     refused(&Server::of(Vec::new()), ["the file is empty", "copied"]);
-    refused(&serve(|reply| reply.with("Content-Range", "bytes 5-9/100")), ["not the range that was asked for", copy]);
-    refused(&serve(|reply| reply.with("Content-Range", "bytes 0-12287/*")), ["not the range that was asked for", copy]);
+    refused(
+        &serve(|reply| reply.with("Content-Range", "bytes 5-9/100")),
+        ["not the range that was asked for", copy],
+    );
+    refused(
+        &serve(|reply| reply.with("Content-Range", "bytes 0-12287/*")),
+        ["not the range that was asked for", copy],
+    );
     refused(&serve(|reply| reply.with("Content-Encoding", "gzip")), ["packs what it sends", copy]);
-    refused(&serve(|mut reply| {
-        reply.body.pop();
-        reply
-    }), ["12287 bytes in place of the 12288", copy]);
+    refused(
+        &serve(|mut reply| {
+            reply.body.pop();
+            reply
+        }),
+        ["12287 bytes in place of the 12288", copy],
+    );
     refused(&Server::of(b"no store at all".to_vec()), ["this is not a brick store", "give a file"]);
     refused(&Server::of(bytes[..bytes.len() - 1].to_vec()), ["shorter than its commit says", "restore"]);
 }
@@ -212,13 +224,15 @@ fn servers_that_do_not_send_ranges_are_told_apart() {
 fn redirects_are_followed_and_looked_up_again_when_they_end() {
     let dir = Scratch::new();
     let (_, bytes) = pile(&dir, 2);
-    let signed = Server::new(Duration::ZERO, move |asked| match asked.path == "/signed" && asked.number % 3 == 2 {
-        // What was given for a while has ended.
-        true => Reply::status("403 Forbidden", b""),
-        false => Reply::range(asked, &bytes, "1"),
-    });
+    let signed =
+        Server::new(Duration::ZERO, move |asked| match asked.path == "/signed" && asked.number % 3 == 2 {
+            // What was given for a while has ended.
+            true => Reply::status("403 Forbidden", b""),
+            false => Reply::range(asked, &bytes, "1"),
+        });
     let target = signed.address.replace("part.brf", "signed");
-    let server = Server::new(Duration::ZERO, move |_| Reply::status("302 Found", b"").with("Location", &target));
+    let server =
+        Server::new(Duration::ZERO, move |_| Reply::status("302 Found", b"").with("Location", &target));
     let told = fetch(&[&"info", &server.address, &"--volume"]).ok();
     assert!(told.starts_with(&server.address), "{told}");
     assert!(server.requests() < signed.requests() && server.requests() > 1);

@@ -66,7 +66,12 @@ fn read_glb(bytes: &[u8]) -> (serde_json::Value, impl Fn(&str, usize) -> Vec<f64
         let at = accessor["byteOffset"].as_u64().unwrap() as usize;
         let at = at + point * view["byteStride"].as_u64().unwrap() as usize;
         match accessor["componentType"].as_u64().unwrap() {
-            5126 => data[at..at + 4 * places].as_chunks().0.iter().map(|c| f32::from_le_bytes(*c).into()).collect(),
+            5126 => data[at..at + 4 * places]
+                .as_chunks()
+                .0
+                .iter()
+                .map(|c| f32::from_le_bytes(*c).into())
+                .collect(),
             5121 => data[at..at + places].iter().map(|c| f64::from(*c) / 255.0).collect(),
             other => panic!("component {other}"),
         }
@@ -89,13 +94,19 @@ fn splats_in_gltf_are_those_of_the_other_file() {
     let primitive = &json["meshes"][0]["primitives"][0];
     assert_eq!(primitive["mode"], 0);
     let extension = &primitive["extensions"]["KHR_gaussian_splatting"];
-    assert_eq!((&extension["kernel"], &extension["colorSpace"]), (&"ellipse".into(), &"srgb_rec709_display".into()));
+    assert_eq!(
+        (&extension["kernel"], &extension["colorSpace"]),
+        (&"ellipse".into(), &"srgb_rec709_display".into())
+    );
     let count = json["accessors"][0]["count"].as_u64().unwrap() as usize;
     assert_eq!(told["splats"], count);
     let matrix: Vec<f64> =
         json["nodes"][0]["matrix"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
     // Millimetres to metres, z to y.
-    assert_eq!(matrix, [0.001, 0.0, 0.0, 0.0, 0.0, 0.0, -0.001, 0.0, 0.0, 0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(
+        matrix,
+        [0.001, 0.0, 0.0, 0.0, 0.0, 0.0, -0.001, 0.0, 0.0, 0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+    );
     let body = ply.windows(11).position(|text| text == b"end_header\n").unwrap() + 11;
     assert_eq!((ply.len() - body) / 56, count);
     let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);

@@ -25,7 +25,12 @@ pub fn open(path: &Path, options: StoreOptions) -> Result<Store, Error> {
 #[cfg(not(feature = "http"))]
 pub fn open(path: &Path, _: StoreOptions) -> Result<Store, Error> {
     let remedy = "build it with `--features http`, or copy the store here first";
-    Err(Error::store(path, "request", "this program was built without the feature that reads from servers", remedy))
+    Err(Error::store(
+        path,
+        "request",
+        "this program was built without the feature that reads from servers",
+        remedy,
+    ))
 }
 
 /// The error of an address where only files are read.

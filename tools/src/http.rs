@@ -61,7 +61,9 @@ impl WebFile {
     /// # Errors
     /// What the server says, or why there is no answer.
     pub fn open(address: &str) -> Result<WebFile, RangeFault> {
-        let wrong = |what: &str| fault(format!("this is no address: {what}"), "give http://HOST/PATH or https://HOST/PATH");
+        let wrong = |what: &str| {
+            fault(format!("this is no address: {what}"), "give http://HOST/PATH or https://HOST/PATH")
+        };
         let uri: Uri = address.parse().map_err(|error| wrong(&format!("{error}")))?;
         let Some(authority) = uri.authority() else { return Err(wrong("it names no host")) };
         if authority.as_str().contains('@') {
@@ -85,7 +87,9 @@ impl WebFile {
         let mut answer = ask(agent, address, 0, FIRST_BYTES - 1)?;
         match answer.status() {
             StatusCode::PARTIAL_CONTENT => {}
-            StatusCode::OK => return Err(fault("the server sends whole files only, not ranges of bytes", COPY)),
+            StatusCode::OK => {
+                return Err(fault("the server sends whole files only, not ranges of bytes", COPY));
+            }
             StatusCode::RANGE_NOT_SATISFIABLE => {
                 return Err(fault("the file is empty", "look whether it was copied to the server whole"));
             }
@@ -99,7 +103,13 @@ impl WebFile {
             let what = format!("the server leads to an address without encryption, {target}");
             return Err(fault(what, "give that one, if you trust it"));
         }
-        Ok(WebFile { agent: agent.clone(), address: address.clone(), target: RwLock::new(target), version, first })
+        Ok(WebFile {
+            agent: agent.clone(),
+            address: address.clone(),
+            target: RwLock::new(target),
+            version,
+            first,
+        })
     }
 
     fn target(&self) -> Uri {
@@ -193,9 +203,10 @@ fn ask(agent: &Agent, address: &Uri, from: u64, last: u64) -> Result<Response<Bo
         ureq::Error::Timeout(_) => passing("the server does not answer"),
         ureq::Error::HostNotFound => fault("there is no such host", "check the address and the network"),
         ureq::Error::TooManyRedirects => fault("the server leads on and on", "check the address"),
-        ureq::Error::Rustls(error) => {
-            fault(format!("there is no safe connection to the server: {error}"), "check the address, and the certificates of this machine")
-        }
+        ureq::Error::Rustls(error) => fault(
+            format!("there is no safe connection to the server: {error}"),
+            "check the address, and the certificates of this machine",
+        ),
         error => fault(format!("the server cannot be asked: {error}"), "check the address"),
     })
 }
@@ -204,9 +215,10 @@ fn no_answer(error: &std::io::Error) -> RangeFault {
     match error.kind() {
         ErrorKind::ConnectionRefused => passing("the server takes no connection"),
         // Of a certificate, which does not pass.
-        ErrorKind::InvalidData => {
-            fault(format!("there is no safe connection to the server: {error}"), "check the address, and the certificates of this machine")
-        }
+        ErrorKind::InvalidData => fault(
+            format!("there is no safe connection to the server: {error}"),
+            "check the address, and the certificates of this machine",
+        ),
         ErrorKind::TimedOut | ErrorKind::WouldBlock => passing("the server does not answer"),
         ErrorKind::ConnectionReset
         | ErrorKind::ConnectionAborted
@@ -219,12 +231,16 @@ fn no_answer(error: &std::io::Error) -> RangeFault {
 /// An answer that has no bytes of the file.
 fn refused(status: StatusCode) -> RangeFault {
     match status {
-        StatusCode::NOT_FOUND | StatusCode::GONE => fault(format!("the server has no such file ({status})"), "check the address"),
+        StatusCode::NOT_FOUND | StatusCode::GONE => {
+            fault(format!("the server has no such file ({status})"), "check the address")
+        }
         StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN => {
             let remedy = "give an address that may be read without signing in";
             fault(format!("the server does not let this be read ({status})"), remedy)
         }
-        StatusCode::TOO_MANY_REQUESTS | StatusCode::REQUEST_TIMEOUT => passing(format!("the server is busy ({status})")),
+        StatusCode::TOO_MANY_REQUESTS | StatusCode::REQUEST_TIMEOUT => {
+            passing(format!("the server is busy ({status})"))
+        }
         status if status.is_server_error() && status != StatusCode::NOT_IMPLEMENTED => {
             passing(format!("the server has failed ({status})"))
         }
@@ -260,7 +276,10 @@ fn take(answer: &mut Response<Body>, offset: u64, bytes: u64, to: &mut [u8]) -> 
     }
     let told = text(answer, header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
     if let Some(told) = told.filter(|told| *told != length) {
-        return Err(fault(format!("the server sends {told} bytes in place of the {length} it was asked for"), COPY));
+        return Err(fault(
+            format!("the server sends {told} bytes in place of the {length} it was asked for"),
+            COPY,
+        ));
     }
     let mut body = answer.body_mut().as_reader();
     body.read_exact(to).map_err(|error| match error.kind() {

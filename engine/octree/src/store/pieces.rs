@@ -369,7 +369,8 @@ mod tests {
     fn ranges_ahead_come_side_by_side_and_those_who_want_the_same_wait_for_it() {
         let bytes = numbered(1 << 20);
         let delay = Duration::from_millis(30);
-        let (pieces, slow) = pieces(SlowBytes { bytes: bytes.clone(), delay, ..SlowBytes::default() }, 8 << 20);
+        let (pieces, slow) =
+            pieces(SlowBytes { bytes: bytes.clone(), delay, ..SlowBytes::default() }, 8 << 20);
         let places: Vec<u64> = (0..12).map(|n| n * 80_000).collect();
         places.iter().for_each(|at| pieces.ahead(*at, 100));
         std::thread::scope(|scope| {
@@ -427,7 +428,12 @@ mod tests {
 
     #[test]
     fn a_fault_that_would_pass_but_does_not_says_how_often_it_was_met() {
-        let slow = SlowBytes { bytes: numbered(10), cuts: usize::MAX.into(), cuts_pass: true, ..SlowBytes::default() };
+        let slow = SlowBytes {
+            bytes: numbered(10),
+            cuts: usize::MAX.into(),
+            cuts_pass: true,
+            ..SlowBytes::default()
+        };
         let (pieces, slow) = pieces(slow, 1 << 20);
         assert_eq!(part(&pieces, 0, 10).unwrap_err(), "the connection was cut, 6 times in a row");
         assert_eq!(slow.asked.lock().unwrap().len(), 6);

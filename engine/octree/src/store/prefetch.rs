@@ -241,8 +241,9 @@ mod tests {
 
     fn fetched(ahead: &Prefetch, entries: &[Option<IndexEntry>]) -> (usize, Vec<(u64, u64)>) {
         let parts = Mutex::new(Vec::new());
-        let looked_at = ahead
-            .tell(entries.iter().map(Option::as_ref), Merging::Gap, |at, bytes| parts.lock().unwrap().push((at, bytes)));
+        let looked_at = ahead.tell(entries.iter().map(Option::as_ref), Merging::Gap, |at, bytes| {
+            parts.lock().unwrap().push((at, bytes))
+        });
         (looked_at, parts.into_inner().unwrap())
     }
 

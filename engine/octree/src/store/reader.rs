@@ -272,8 +272,7 @@ impl Store {
     /// # Errors
     /// [`Error::Store`] if the list is damaged.
     pub fn read_identity(&self, entry: &IdentityEntry) -> Result<Vec<u8>> {
-        self.copy_identity(entry)
-            .map_err(|what| self.read_error(format!("identity {}", entry.key), what))
+        self.copy_identity(entry).map_err(|what| self.read_error(format!("identity {}", entry.key), what))
     }
 
     /// The beads of the store, if it tells them apart; reads and checks their tables.

@@ -54,7 +54,11 @@ impl Frame<'_> {
     }
 
     /// Has those bricks fetched that were not yet; false if there are none.
-    pub(super) fn fetch_all(&self, mut missing: Vec<NodeKey>, fetched: &mut HashSet<NodeKey>) -> Result<bool> {
+    pub(super) fn fetch_all(
+        &self,
+        mut missing: Vec<NodeKey>,
+        fetched: &mut HashSet<NodeKey>,
+    ) -> Result<bool> {
         let bricks = &self.scene.bricks;
         missing.retain(|key| fetched.insert(*key));
         missing.sort_unstable();

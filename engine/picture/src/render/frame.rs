@@ -165,12 +165,7 @@ impl<'s> Frame<'s> {
     }
 
     /// The pixels of a tile, with the depth of the nearest opaque thing in each.
-    fn tile(
-        &self,
-        tracer: &mut RayTracer<'_>,
-        from: [u32; 2],
-        [width, height]: [u32; 2],
-    ) -> Result<Tile> {
+    fn tile(&self, tracer: &mut RayTracer<'_>, from: [u32; 2], [width, height]: [u32; 2]) -> Result<Tile> {
         let rays = self.supersample;
         let mut parts = Vec::with_capacity((rays * rays) as usize);
         let mut pixels = Vec::with_capacity((width * height) as usize);

@@ -96,8 +96,7 @@ pub(super) fn tell_places(tree: &dyn BrickTree, level: u8, places: impl Iterator
         return;
     }
     let is_read = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.uniform().is_none());
-    let mut keys: Vec<NodeKey> =
-        places.filter_map(|at| node_at(tree, level, at)).filter(is_read).collect();
+    let mut keys: Vec<NodeKey> = places.filter_map(|at| node_at(tree, level, at)).filter(is_read).collect();
     keys.sort_unstable();
     keys.dedup();
     tell_ahead(tree, &keys);

@@ -168,7 +168,10 @@ mod tests {
             cuts: Vec::new(),
         };
         let bytes = point(&disc);
-        assert_eq!((bytes.len() as u64, ATTRIBUTES.iter().map(|(.., bytes)| bytes).sum()), (POINT_BYTES, POINT_BYTES));
+        assert_eq!(
+            (bytes.len() as u64, ATTRIBUTES.iter().map(|(.., bytes)| bytes).sum()),
+            (POINT_BYTES, POINT_BYTES)
+        );
         let number = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
         assert_eq!([0, 4, 8].map(number), [1.0, 2.0, 3.0]);
         assert_eq!([16, 20, 24].map(number), [2.0, 2.0, 0.1]);
@@ -187,7 +190,10 @@ mod tests {
         assert!(head.len() < 4096 && head.len().is_multiple_of(4));
         // Nothing at all is no mesh, but a file.
         let empty = of(0).head(1.0).unwrap();
-        assert_eq!((empty[8..12].to_vec(), &empty[16..20]), ((empty.len() as u32).to_le_bytes().to_vec(), &b"JSON"[..]));
+        assert_eq!(
+            (empty[8..12].to_vec(), &empty[16..20]),
+            ((empty.len() as u32).to_le_bytes().to_vec(), &b"JSON"[..])
+        );
         assert!(!String::from_utf8(empty[20..].to_vec()).unwrap().contains("mesh"));
     }
 }
