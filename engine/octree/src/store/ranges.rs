@@ -81,3 +81,66 @@ pub(super) mod testing {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{tree, write};
+    use super::super::{AcceptedStores, BrickTree, Store, StoreOptions};
+    use super::testing::SlowBytes;
+    use crate::error::ErrorKind;
+    use crate::progress::Silent;
+    use std::path::Path;
+    use std::sync::Arc;
+    use std::sync::atomic::Ordering;
+
+    fn elsewhere(change: impl FnOnce(&mut SlowBytes)) -> (Arc<SlowBytes>, crate::error::Result<Store>) {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("small.brf");
+        write(&path);
+        let mut slow = SlowBytes { bytes: std::fs::read(&path).unwrap(), ..SlowBytes::default() };
+        change(&mut slow);
+        let slow = Arc::new(slow);
+        let options = StoreOptions {
+            cache_bytes: 8 << 20,
+            accept: AcceptedStores::Unfinished,
+            ..StoreOptions::default()
+        };
+        let store = Store::open_ranges(Path::new("s3://bucket/small.brf"), slow.clone(), options);
+        (slow, store)
+    }
+
+    #[test]
+    fn a_store_elsewhere_answers_as_the_tree_it_was_made_from() {
+        let (slow, store) = elsewhere(|_| {});
+        let (store, tree) = (store.unwrap(), tree());
+        assert!(store.is_elsewhere() && store.source_bytes() > 0);
+        assert_eq!((store.keys(), store.file_bytes()), (tree.keys(), slow.bytes.len() as u64));
+        let keys = store.keys();
+        assert!(store.ahead(&keys) > 0);
+        for key in keys {
+            assert_eq!(*store.brick(key).unwrap(), *tree.brick(key).unwrap());
+        }
+        assert_eq!(store.verify(&Silent).unwrap().first_damage, None);
+        assert_eq!(store.hash().unwrap(), *blake3::hash(&slow.bytes).as_bytes());
+        let (requests, bytes) = store.requests().unwrap();
+        assert_eq!(requests, slow.asked.lock().unwrap().len() as u64);
+        assert!(bytes <= slow.bytes.len() as u64);
+    }
+
+    #[test]
+    fn what_does_not_come_is_an_error_and_no_damage() {
+        let (slow, store) = elsewhere(|_| {});
+        let store = store.unwrap();
+        slow.cuts.store(usize::MAX, Ordering::SeqCst);
+        let told = store.verify(&Silent).unwrap_err();
+        assert_eq!(told.kind(), ErrorKind::Store);
+        assert_eq!(told.to_string(), "s3://bucket/small.brf: records: the connection was cut; try later");
+        // It stays so, even if the server is well again.
+        slow.cuts.store(0, Ordering::SeqCst);
+        let key = store.keys().into_iter().find(|key| store.node(*key).unwrap().uniform().is_none()).unwrap();
+        assert!(store.brick(key).unwrap_err().to_string().ends_with("the connection was cut; try later"));
+        let (_, store) = elsewhere(|slow| slow.cuts = usize::MAX.into());
+        let told = store.err().unwrap().to_string();
+        assert_eq!(told, "s3://bucket/small.brf: header: the connection was cut; try later");
+    }
+}
