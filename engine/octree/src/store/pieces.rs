@@ -336,7 +336,7 @@ mod tests {
     use super::*;
 
     fn numbered(length: usize) -> Vec<u8> {
-        (0..length).map(|n| (n * n >> 7) as u8 ^ n as u8).collect()
+        (0..length).map(|n| ((n * n) >> 7) as u8 ^ n as u8).collect()
     }
 
     fn pieces(slow: SlowBytes, bytes_max: u64) -> (Pieces, Arc<SlowBytes>) {
