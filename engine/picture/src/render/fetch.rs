@@ -3,9 +3,9 @@
 //! Some rays are followed as far as bricks are here. Where one needs another brick it ends; all that are missing are asked
 //! for at once, and the rays go on. After a few rounds nothing is missing but what lies between these rays.
 
-use super::Frame;
 use super::frame::TILE;
 use super::trace::RayTracer;
+use super::{Frame, ROUNDS_MAX};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
@@ -18,8 +18,6 @@ const RAYS_A_BRICK: f64 = 8.0;
 /// Such bricks along the height of a part of the picture that is fetched at once: many requests side by side, few bricks
 /// in memory.
 const BRICKS_A_PART: f64 = 8.0;
-/// Rounds after which the rest comes as rays need it. Seldom do more bricks lie behind each other at a pixel.
-pub(super) const ROUNDS_MAX: usize = 32;
 
 impl Frame<'_> {
     /// Whether bricks come from elsewhere and are to be fetched before rays wait for them. What colours the part by something

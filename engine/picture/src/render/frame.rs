@@ -1,11 +1,10 @@
 //! One picture: rays through its pixels, tile by tile.
 
 use super::camera::Ray;
-use super::fetch::ROUNDS_MAX;
 use super::relief::{self, Band, BandNeighbours};
 use super::style::{Style, VolumeStyle};
 use super::trace::{BrickPlacement, RayTracer};
-use super::{COARSE_PIXELS, Eye, Scene};
+use super::{COARSE_PIXELS, Eye, ROUNDS_MAX, Scene};
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::picture::{Label, Rgba, mean};
