@@ -201,6 +201,7 @@ impl Store {
         let (mut hasher, mut at) = (blake3::Hasher::new(), 0);
         while at < self.file_bytes() {
             let bytes = AT_ONCE.min(self.file_bytes() - at);
+            self.source.ahead(at, 8 * AT_ONCE);
             let part = self.source.part(at, bytes);
             hasher.update(&part.map_err(|what| self.read_error(format!("byte {at}"), what))?);
             at += bytes;
