@@ -17,6 +17,8 @@ mod program {
     mod determinism;
     mod distance;
     mod documents;
+    #[cfg(feature = "http")]
+    mod elsewhere;
     mod export;
     mod inputs;
     mod kills;

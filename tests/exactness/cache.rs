@@ -8,7 +8,8 @@ use brickfield_engine::analysis::sample_at;
 use brickfield_engine::brick::{Brick, SignChanges};
 use brickfield_engine::build::{BuildOptions, Resolution, build};
 use brickfield_engine::cache::{
-    Comparison, PruneOptions, PruneRegion, compact, compare, corners, meets_box, prune, repack,
+    Comparison, PruneOptions, PruneRegion, RecordOrder, compact, compare, corners, meets_box, prune, reorder,
+    repack,
 };
 use brickfield_engine::contour::{ContourOptions, contour, create_sink};
 use brickfield_engine::lattice::NodeKey;
@@ -120,6 +121,12 @@ proptest! {
         shuffled(&whole, &scene.path("shuffled")).unwrap();
         compact(&scene.open("shuffled"), &scene.path("shuffled"), &Silent).unwrap();
         prop_assert!(scene.bytes("shuffled") == built);
+        reorder(&whole, &scene.path("levels"), RecordOrder::Level, None, &Silent).unwrap();
+        let levels = scene.open("levels");
+        prop_assert!(difference(&whole, &levels).is_equal(true));
+        prop_assert_eq!(levels.verify(&Silent).unwrap().first_damage, None);
+        compact(&levels, &scene.path("compact"), &Silent).unwrap();
+        prop_assert!(scene.bytes("compact") == built);
         repack(&whole, &scene.path("plain"), Compression::None, &Silent).unwrap();
         let plain = scene.open("plain");
         prop_assert!(difference(&whole, &plain).is_equal(true));

@@ -232,3 +232,14 @@ fn names_with_line_breaks_stay_in_their_line() {
         assert_eq!(run(&args).ok().lines().count(), lines, "{command}");
     }
 }
+
+/// Where the program has no client of servers.
+#[cfg(not(feature = "http"))]
+#[test]
+fn an_address_is_refused_in_a_line() {
+    for command in ["info", "verify"] {
+        let line = run(&[&command, &"https://example.org/part.brf"]).failed();
+        assert!(line.contains("built without the feature that reads from servers"), "{line}");
+        assert!(line.contains("`--features http`, or copy the store here first"), "{line}");
+    }
+}

@@ -242,6 +242,29 @@ fn the_range_coder_changes_no_answer() {
 }
 
 #[test]
+fn levels_stand_one_after_the_other_where_that_is_asked_for() {
+    let dir = Scratch::new();
+    let input = example("clover.gcode");
+    let store =
+        built(&dir, "store.brf", &[&input, &"--depth", &"3", &"--identity", &"--compression", &"range"]);
+    let [levels, back] = ["levels.brf", "back.brf"].map(|name| dir.path(name));
+    run(&[&"cache", &"repack", &store, &"-o", &levels, &"--order", &"level", &"--quiet"]).ok();
+    run(&[&"verify", &levels, &"--quiet"]).ok();
+    assert!(run(&[&"cache", &"diff", &store, &levels]).ok().contains("are equal"));
+    // The index is in the order of levels, and so are the payloads now.
+    let places = |store: &Path| -> Vec<u64> {
+        let listed = run(&[&"cache", &"ls", &store, &"--json"]).ok();
+        let nodes = listed.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+        nodes.filter(|node| node["bytes"] != 0).map(|node| node["offset"].as_u64().unwrap()).collect()
+    };
+    assert!(places(&levels).is_sorted() && !places(&store).is_sorted());
+    // Payloads stay as they were, and `compact` puts them back.
+    assert_eq!(fs::metadata(&levels).unwrap().len(), fs::metadata(&store).unwrap().len());
+    run(&[&"cache", &"compact", &levels, &"-o", &back, &"--quiet"]).ok();
+    assert!(fs::read(&back).unwrap() == fs::read(&store).unwrap());
+}
+
+#[test]
 fn a_build_compresses_as_repack_does() {
     let dir = Scratch::new();
     let cases: [(&str, PathBuf, &[&str]); 4] = [

@@ -10,8 +10,8 @@ use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Words of commands that need what a test has not: a window, a device, a batch system, another program.
-const NOT_RUN: [&str; 4] = ["brickfield view", "--backend vulkan", "sbatch ", "parallel "];
+/// Words of commands that need what a test has not: a window, a device, a server, a batch system, another program.
+const NOT_RUN: [&str; 5] = ["brickfield view", "--backend vulkan", "https://", "sbatch ", "parallel "];
 /// Words with which commands begin.
 const BEGINNINGS: [&str; 6] = ["brickfield ", "echo ", "seq ", "timeout ", "parallel ", "sbatch "];
 

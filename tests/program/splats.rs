@@ -43,6 +43,101 @@ fn splats_are_written_for_other_programs() {
     }
 }
 
+/// Reads a GLB file as its specification says, with what is in its attributes.
+fn read_glb(bytes: &[u8]) -> (serde_json::Value, impl Fn(&str, usize) -> Vec<f64>) {
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!((&bytes[..4], word(4), word(8)), (&b"glTF"[..], 2, bytes.len()));
+    assert_eq!(&bytes[16..20], b"JSON");
+    let end = 20 + word(12);
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..end]).unwrap();
+    assert_eq!((&bytes[end + 4..end + 8], end % 4), (&b"BIN\0"[..], 0));
+    let data = bytes[end + 8..].to_vec();
+    assert_eq!((word(end), json["buffers"][0]["byteLength"].as_u64()), (data.len(), Some(data.len() as u64)));
+    let primitive = json["meshes"][0]["primitives"][0].clone();
+    let (accessors, views) = (json["accessors"].clone(), json["bufferViews"].clone());
+    let values = move |name: &str, point: usize| {
+        let accessor = &accessors[primitive["attributes"][name].as_u64().unwrap() as usize];
+        let view = &views[accessor["bufferView"].as_u64().unwrap() as usize];
+        let places = match accessor["type"].as_str().unwrap() {
+            "SCALAR" => 1,
+            "VEC3" => 3,
+            _ => 4,
+        };
+        let at = accessor["byteOffset"].as_u64().unwrap() as usize;
+        let at = at + point * view["byteStride"].as_u64().unwrap() as usize;
+        match accessor["componentType"].as_u64().unwrap() {
+            5126 => data[at..at + 4 * places]
+                .as_chunks()
+                .0
+                .iter()
+                .map(|c| f32::from_le_bytes(*c).into())
+                .collect(),
+            5121 => data[at..at + places].iter().map(|c| f64::from(*c) / 255.0).collect(),
+            other => panic!("component {other}"),
+        }
+    };
+    (json, values)
+}
+
+#[test]
+fn splats_in_gltf_are_those_of_the_other_file() {
+    let dir = Scratch::new();
+    let store = boxes(&dir);
+    let [glb, again, ply] = ["boxes.glb", "again.glb", "boxes.ply"].map(|name| dir.path(name));
+    let told = run(&[&"splats", &store, &"-o", &glb, &"--json", &"--threads", &"1"]).json();
+    run(&[&"splats", &store, &"-o", &again, &"--quiet", &"--threads", &"3"]).ok();
+    run(&[&"splats", &store, &"-o", &ply, &"--quiet"]).ok();
+    let [glb, again, ply] = [glb, again, ply].map(|path| std::fs::read(path).unwrap());
+    assert!(glb == again);
+    let (json, values) = read_glb(&glb);
+    assert_eq!(json["extensionsUsed"], serde_json::json!(["KHR_gaussian_splatting"]));
+    let primitive = &json["meshes"][0]["primitives"][0];
+    assert_eq!(primitive["mode"], 0);
+    let extension = &primitive["extensions"]["KHR_gaussian_splatting"];
+    assert_eq!(
+        (&extension["kernel"], &extension["colorSpace"]),
+        (&"ellipse".into(), &"srgb_rec709_display".into())
+    );
+    let count = json["accessors"][0]["count"].as_u64().unwrap() as usize;
+    assert_eq!(told["splats"], count);
+    let matrix: Vec<f64> =
+        json["nodes"][0]["matrix"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
+    // Millimetres to metres, z to y.
+    assert_eq!(
+        matrix,
+        [0.001, 0.0, 0.0, 0.0, 0.0, 0.0, -0.001, 0.0, 0.0, 0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+    );
+    let body = ply.windows(11).position(|text| text == b"end_header\n").unwrap() + 11;
+    assert_eq!((ply.len() - body) / 56, count);
+    let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
+    for splat in 0..count {
+        let number = |n: usize| {
+            let at = body + splat * 56 + n * 4;
+            f64::from(f32::from_le_bytes(ply[at..at + 4].try_into().unwrap()))
+        };
+        let position = values("POSITION", splat);
+        assert_eq!(position, [0, 1, 2].map(number));
+        for a in 0..3 {
+            (low[a], high[a]) = (low[a].min(position[a]), high[a].max(position[a]));
+        }
+        assert_eq!(values("KHR_gaussian_splatting:SH_DEGREE_0_COEF_0", splat), [3, 4, 5].map(number));
+        assert_eq!(values("KHR_gaussian_splatting:ROTATION", splat), [11, 12, 13, 10].map(number));
+        let scale = values("KHR_gaussian_splatting:SCALE", splat);
+        assert!((0..3).all(|a| (scale[a].ln() - number(7 + a)).abs() < 1e-5));
+        let [opacity] = values("KHR_gaussian_splatting:OPACITY", splat)[..] else { panic!("one number") };
+        assert!((opacity - 1.0 / (1.0 + (-number(6)).exp())).abs() < 1e-5);
+        // Points are as bright as the Gaussians: those have the curve of screens, these have light.
+        let grey = (number(3) * 0.282_094_791_8 + 0.5).clamp(0.0, 1.0);
+        let light = if grey <= 0.04045 { grey / 12.92 } else { ((grey + 0.055) / 1.055).powf(2.4) };
+        let colour = values("COLOR_0", splat);
+        assert!(colour[..3].iter().all(|c| (c - light).abs() < 0.003) && (colour[3] - 0.99).abs() < 0.003);
+    }
+    let stated = |name: &str| -> Vec<f64> {
+        json["accessors"][0][name].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect()
+    };
+    assert_eq!((stated("min"), stated("max")), (low.to_vec(), high.to_vec()));
+}
+
 #[test]
 fn files_of_splats_are_the_same_for_any_number_of_threads_and_draw_the_part() {
     let dir = Scratch::new();
@@ -100,7 +195,7 @@ fn wrong_usage_and_damage_are_told_in_a_line() {
     assert!(
         run(&[&"splats", &store, &"-o", &dir.path("a.xyz")])
             .misused()
-            .contains("ends in one of .bsp, .ply, .html")
+            .contains("ends in one of .bsp, .html, .ply, .glb")
     );
     assert!(
         run(&[&"splats", &store, &"-o", &dir.path("a.bsp"), &"--level", &"7"])

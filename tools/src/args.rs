@@ -27,7 +27,10 @@ use std::path::PathBuf;
 #[derive(Parser)]
 #[command(name = "brickfield", version, max_term_width = 110)]
 #[command(
-    after_help = "Exit status: 0 done, 1 failed (one line on standard error says why), 2 wrong usage, 130 ended by Ctrl-C.
+    after_help = "A store may lie on a web server, as in `brickfield info https://example.org/part.brf`, where the program was built with \
+--features http.
+
+Exit status: 0 done, 1 failed (one line on standard error says why), 2 wrong usage, 130 ended by Ctrl-C.
 
 Examples:
   brickfield build part.stl -o part.brf

@@ -3,6 +3,7 @@
 use crate::args::{IoArg, VerifyArgs};
 use crate::units::{BoxArg, NodeArg, PointArg};
 use crate::work::{ProgressArg, WorkArgs};
+use brickfield_engine::cache::RecordOrder;
 use brickfield_engine::store::Compression;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -218,22 +219,47 @@ impl From<CompressionArg> for Compression {
     }
 }
 
-/// Write a store with its payloads compressed in another way
+/// How payloads stand in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum OrderArg {
+    /// As a build writes them, neighbours near each other
+    #[default]
+    Build,
+    /// Coarse levels first, for stores on web servers: a coarse picture takes a few requests
+    Level,
+}
+
+impl From<OrderArg> for RecordOrder {
+    fn from(order: OrderArg) -> RecordOrder {
+        match order {
+            OrderArg::Build => RecordOrder::Build,
+            OrderArg::Level => RecordOrder::Level,
+        }
+    }
+}
+
+/// Write a store with its payloads compressed in another way, or in another order
 #[derive(Args)]
 #[command(after_help = "\
 Bricks are the same in each, and so is every answer, to the last byte; `cache diff` finds the stores equal. A store of \
 this version gets the bytes that `build` with the same --compression gives. range is for stores that are kept or sent: \
 programs of before it refuse to read them, and `mesh` takes about twice the time.
 
+--order alone leaves payloads as they are compressed; `compact` brings back the order of a build.
+
 Examples:
   brickfield cache repack part.brf -o archived.brf --compression range
-  brickfield cache repack part.brf -o plain.brf --compression none")]
+  brickfield cache repack part.brf -o plain.brf --compression none
+  brickfield cache repack part.brf -o served.brf --order level")]
 pub struct RepackArgs {
     #[command(flatten)]
     pub output: OutputArgs,
-    /// How payloads are compressed
-    #[arg(long, value_enum, default_value_t)]
-    pub compression: CompressionArg,
+    /// How payloads are compressed; lz4 unless --order is given
+    #[arg(long, value_enum)]
+    pub compression: Option<CompressionArg>,
+    /// In which order payloads stand in the file; that of a build by default
+    #[arg(long, value_enum)]
+    pub order: Option<OrderArg>,
 }
 
 /// Join the shards that several runs of `build --shard` have made

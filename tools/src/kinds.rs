@@ -1,5 +1,6 @@
 //! What a file is that was given to a command, and which command wants it if this one does not.
 
+use crate::elsewhere::{is_address, not_fetched};
 use crate::failure::Failure;
 use anyhow::anyhow;
 use brickfield_engine::Error;
@@ -115,8 +116,11 @@ pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error 
 /// Refuses stores among inputs; `wants` is the command that answers from a store what this one answers from inputs.
 ///
 /// # Errors
-/// The first store, with the command.
+/// The first store, with the command, and the first address.
 pub fn require_inputs(paths: &[PathBuf], wants: &str) -> Result<(), anyhow::Error> {
+    if let Some(path) = paths.iter().find(|path| is_address(path)) {
+        return Err(not_fetched(path).into());
+    }
     let Some(path) = paths.iter().find(|path| is_store(path)) else { return Ok(()) };
     let command = wants.replace("PART.brf", &typed(path));
     Err(anyhow!(

@@ -11,8 +11,11 @@ mod commands;
 mod csg_args;
 mod devices;
 mod distance_args;
+mod elsewhere;
 mod finding_args;
 mod help;
+#[cfg(feature = "http")]
+mod http;
 mod kinds;
 mod layer_args;
 mod machine_args;

@@ -46,7 +46,8 @@ const BYTES_CACHES: u64 = 32 << 20;
 
 /// What of the memory for contouring is left for caches, beside the index of the store.
 pub fn mesh_caches(memory: Size, store: &Store) -> u64 {
-    caches(Size(memory.0.saturating_sub(store.index_bytes())), BYTES_MESH_A_THREAD)
+    let held = store.index_bytes() + store.source_bytes();
+    caches(Size(memory.0.saturating_sub(held)), BYTES_MESH_A_THREAD)
 }
 
 /// What of the memory for a picture in space is left for bricks. What is taken of the device may be this machine's, as in
@@ -73,7 +74,7 @@ pub fn picture_caches(memory: Size, held: u64) -> u64 {
 
 /// What the index of a store takes while its nodes are drawn, each of which takes `bytes_a_node` beside its entry.
 pub fn index_drawn(store: &Store, bytes_a_node: u64) -> u64 {
-    store.index_bytes() + store.entries().len() as u64 * bytes_a_node
+    store.index_bytes() + store.source_bytes() + store.entries().len() as u64 * bytes_a_node
 }
 
 /// What a picture in space takes for pixels: three bands of 32 rows, of colours and depths, and one that is being made,

@@ -13,6 +13,7 @@ The ending says the format.
   .bsp          all levels, coarse ones first, in a few bits a splat; `render --splats` draws it
   .html         a page with the same data in it: any browser turns and cuts the part, and asks for nothing else
   .ply          the finest picture as flat Gaussians, for SuperSplat, PlayCanvas, Spark and others
+  .glb          the same in glTF (KHR_gaussian_splatting), for CesiumJS and others; points where that is not known; up to 4 GiB
 
 Each cell that the boundary passes has one to three splats: planes through the crossings of each face, which cut each other \
 at edges. With --error, cells are not divided where their splats are near enough to all crossings in them.
@@ -26,7 +27,7 @@ pub struct SplatsArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
-    /// The file to write; its ending decides the kind: .bsp, .html or .ply
+    /// The file to write; its ending decides the kind: .bsp, .html, .ply or .glb
     #[arg(long, short, value_name = "OUT")]
     pub output: PathBuf,
     /// How far splats may be from the crossings that they stand for, as in 0.05mm [default: as near as cells of the finest

@@ -4,6 +4,7 @@ use super::thickness::{layers_of, require_ply};
 use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, DeviationArgs};
+use crate::elsewhere::is_address;
 use crate::failure::Failure;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
@@ -192,7 +193,7 @@ pub(super) fn open_reference(
     bars: &Bars,
 ) -> Result<OpenReference, Failure> {
     let name = in_line(args.reference);
-    if is_store(args.reference) {
+    if is_address(args.reference) || is_store(args.reference) {
         let store = open_store(args.reference, args.memory / 8, args.io, AcceptedStores::Whole)?;
         require_whole_samples(&store, "distances from it cannot be told")?;
         if store.meta().unit != part.meta().unit {

@@ -7,6 +7,7 @@ use super::mesh_place;
 use super::mesh_shells::{self, ShellChoice, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
+use crate::elsewhere::is_address;
 use crate::failure::Failure;
 use crate::kinds::not_a_store;
 use crate::measured::measured;
@@ -52,7 +53,7 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };
-    let store = match is_store(&args.file) {
+    let store = match is_address(&args.file) || is_store(&args.file) {
         true => open_store(&args.file, 0, args.io, AcceptedStores::Whole),
         // Meshes are checked by this command, too.
         false => {

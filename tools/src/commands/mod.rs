@@ -48,6 +48,7 @@ pub mod voids;
 pub mod winding;
 
 use crate::args::IoArg;
+use crate::elsewhere::{self, is_address, not_fetched};
 use crate::failure::Failure;
 use crate::kinds::not_a_store;
 use crate::measured::measured;
@@ -73,6 +74,9 @@ fn open_inputs(
 ) -> Result<Vec<Input>, Failure> {
     let paths: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
     require_distinct(outputs, &paths)?;
+    if let Some(path) = paths.iter().find(|path| is_address(path)) {
+        return Err(not_fetched(path).into());
+    }
     let opened: Vec<Input> =
         inputs.iter().map(|path| Input::open_with(path, options, progress)).collect::<Result<_, Error>>()?;
     for input in &opened {
@@ -102,14 +106,17 @@ fn require_whole_samples(store: &Store, cannot: &str) -> Result<(), Failure> {
     Err(anyhow::anyhow!("{name}: {what}, so {cannot}; close the input, or build it from the toolpath").into())
 }
 
-/// Opens a store; of any other file says what it is and which command wants it.
+/// Opens a store, here or elsewhere; of any other file says what it is and which command wants it.
 fn open_store(path: &Path, cache_bytes: u64, io: IoArg, accept: AcceptedStores) -> Result<Store, Error> {
     let io = match io {
         IoArg::Pread => Io::Pread,
         IoArg::Mmap => Io::Mmap,
     };
-    Store::open_with(path, StoreOptions { cache_bytes, io, accept })
-        .map_err(|error| not_a_store(path, error, None))
+    let options = StoreOptions { cache_bytes, io, accept };
+    if is_address(path) {
+        return elsewhere::open(path, options);
+    }
+    Store::open_with(path, options).map_err(|error| not_a_store(path, error, None))
 }
 
 /// Makes the folder, unless it is there.

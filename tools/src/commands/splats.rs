@@ -5,11 +5,11 @@ use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::space::tell_left_behind;
 use crate::splat_args::SplatsArgs;
-use crate::units::Size;
+use crate::units::{Size, Unit};
 use brickfield_engine::Progress;
 use brickfield_engine::part::directory_of;
 use brickfield_engine::splats::{
-    BspSummary, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_page, write_ply,
+    BspSummary, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_glb, write_page, write_ply,
 };
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::{Value, json};
@@ -20,6 +20,7 @@ use std::path::Path;
 enum Kind {
     Bsp,
     Ply,
+    Glb,
     Page,
 }
 
@@ -29,9 +30,10 @@ impl Kind {
         match &*ending {
             "bsp" => Ok(Kind::Bsp),
             "ply" => Ok(Kind::Ply),
+            "glb" => Ok(Kind::Glb),
             "html" => Ok(Kind::Page),
             _ => Err(Failure::Usage(format!(
-                "{}: the name of a file of splats ends in one of .bsp, .ply, .html",
+                "{}: the name of a file of splats ends in one of .bsp, .html, .ply, .glb",
                 path.display()
             ))),
         }
@@ -58,7 +60,11 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
         SplatLevels::new(&store, options, &bars).map_err(|error| of_store(&store, "leaves", error))?;
     let written = match kind {
         Kind::Bsp => bsp(args, &store, &levels, &bars)?,
-        Kind::Ply => ply(args, &levels)?,
+        Kind::Ply => of_gaussians(args, write_ply(&levels, args.level, &args.output)?),
+        Kind::Glb => {
+            let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
+            of_gaussians(args, write_glb(&levels, args.level, metres, &args.output)?)
+        }
         Kind::Page => page(args, &store, &levels, &bars)?,
     };
     bars.clear();
@@ -121,8 +127,8 @@ fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> S
     SplatsReport { text, json }
 }
 
-fn ply(args: &SplatsArgs, levels: &SplatLevels) -> Result<SplatsReport, Failure> {
-    let splats = write_ply(levels, args.level, &args.output)?;
+/// What was written for other viewers.
+fn of_gaussians(args: &SplatsArgs, splats: u64) -> SplatsReport {
     let text = format!("{}: {splats} splats", in_line(&args.output));
-    Ok(SplatsReport { text, json: json!({ "output": args.output.display().to_string(), "splats": splats }) })
+    SplatsReport { text, json: json!({ "output": args.output.display().to_string(), "splats": splats }) }
 }

@@ -3,7 +3,7 @@
 use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey};
-use crate::store::BrickTree;
+use crate::store::{BrickTree, Walk};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -29,7 +29,11 @@ pub fn sample_at(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> 
 fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
     let root = tree.root();
     let mut last: Option<(NodeKey, Arc<Brick>)> = None;
-    let mut sample = |point: &[f64; 3]| {
+    // Of a tree elsewhere, the bricks of many points come at once.
+    let key_at = |number: usize| leaf_at(tree, root.from_first_sample(points[number]));
+    let walk = tree.is_elsewhere().then(|| Walk::new(tree, points.len(), key_at));
+    let mut sample = |(number, point): (usize, &[f64; 3])| {
+        walk.iter().for_each(|walk| walk.at(number));
         let from_first = root.from_first_sample(*point);
         let leaf = match leaf_at(tree, from_first) {
             Some(leaf) => leaf,
@@ -45,7 +49,7 @@ fn sample_chunk(tree: &dyn BrickTree, points: &[[f64; 3]]) -> Result<Vec<f64>> {
         let base = leaf.base();
         Ok(trilinear(&brick, std::array::from_fn(|a| (from_first[a] - f64::from(base[a])) / spacing)))
     };
-    points.iter().map(&mut sample).collect()
+    points.iter().enumerate().map(&mut sample).collect()
 }
 
 fn not_yet([x, y, z]: [f64; 3]) -> Error {

@@ -91,6 +91,10 @@ impl BrickTree for WantedVoids<'_> {
     fn ahead(&self, keys: &[NodeKey]) -> usize {
         self.tree.ahead(keys)
     }
+
+    fn is_elsewhere(&self) -> bool {
+        self.tree.is_elsewhere()
+    }
 }
 
 /// Makes a run of a row solid.

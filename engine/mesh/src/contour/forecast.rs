@@ -2,8 +2,8 @@
 
 use crate::brick::{Brick, SignChanges};
 use crate::error::Result;
-use crate::lattice::BRICK_POINTS;
-use crate::store::{BrickTree, IndexEntry, Store};
+use crate::lattice::{BRICK_POINTS, NodeKey};
+use crate::store::{BrickTree, IndexEntry, Store, tell_ahead};
 
 /// Bricks that are looked at, evenly along the file: sums over 64 of them are within a tenth of the truth for piles of beads.
 const LOOKED_AT: usize = 64;
@@ -23,10 +23,11 @@ pub fn foresee_triangles(store: &Store, iso: f64, level: Option<u8>) -> Result<u
         store.entries().iter().filter(is_drawn).filter(|entry| !entry.head.kind.is_uniform()).collect();
     crossed.sort_unstable_by_key(|entry| entry.offset);
     let looked_at = crossed.len().min(LOOKED_AT);
+    let keys: Vec<NodeKey> = (0..looked_at).map(|n| crossed[n * crossed.len() / looked_at].key).collect();
+    tell_ahead(store, &keys);
     let mut edges = 0;
-    for n in 0..looked_at {
-        let entry = crossed[n * crossed.len() / looked_at];
-        if let Brick::Counts { samples, .. } = &*store.brick(entry.key)? {
+    for key in keys {
+        if let Brick::Counts { samples, .. } = &*store.brick(key)? {
             let place = |index: usize| {
                 [
                     index % BRICK_POINTS,

@@ -5,7 +5,7 @@ use super::planes::{EdgePlane, decode};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Ranks, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant};
-use crate::store::BrickTree;
+use crate::store::{BrickTree, tell_below};
 use std::sync::Arc;
 
 /// Rows of samples along x in a brick.
@@ -77,6 +77,7 @@ impl LeafSurface {
         } else if leaf.is_tree_leaf {
             decoded(hermite)
         } else {
+            tell_below(tree, leaf.key);
             decoded(&from_children(tree, leaf.key, &signs, level)?)
         };
         Ok(LeafSurface::Changes(Box::new(HermiteSurface::new(signs, planes))))

@@ -25,7 +25,7 @@ mod statistics;
 pub use compare::{BrickDifferences, Comparison, Difference, MetaDifference, compare};
 pub use place::{corners, meets_box, node_at};
 pub use prune::{PruneOptions, PruneRegion, prune};
-pub use rewrite::{RewriteSummary, compact, repack};
+pub use rewrite::{RecordOrder, RewriteSummary, compact, reorder, repack};
 pub use statistics::{
     FileBytes, KindNumbers, LevelStatistics, PartBytes, RecordNumbers, Statistics, statistics,
 };

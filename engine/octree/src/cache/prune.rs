@@ -1,7 +1,7 @@
 //! Which nodes of a store become leaves, and what a leaf that was none has for Hermite edges.
 
 use super::place::meets_box;
-use super::rewrite::{Rewrite, RewriteSummary};
+use super::rewrite::{RecordOrder, Rewrite, RewriteSummary};
 use crate::brick::{Brick, Hermite, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_POINTS, NodeKey, Octant};
@@ -92,7 +92,8 @@ pub fn prune(
     if !told.is_empty() {
         meta.program += &format!(", pruned to {}", told.join(" and "));
     }
-    Rewrite { store, meta, cut, compression: None }.run(output, progress)
+    let order = RecordOrder::Build;
+    Rewrite { store, meta, cut, compression: None, order }.run(output, progress)
 }
 
 impl PruneOptions {

@@ -19,6 +19,17 @@ const RECORDS_AT_ONCE: usize = 32;
 /// What to do about records that do not fit together.
 const REMEDY: &str = "check the store with `brickfield verify`; restore it from a copy or build it again";
 
+/// How payloads stand in a file. Readers do not mind; it decides how far from each other those lie that are read together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RecordOrder {
+    /// As a build appends them: subtree by subtree, so that leaves which are neighbours lie near each other.
+    #[default]
+    Build,
+    /// Level by level, coarse ones first, along the Morton curve within a level: a coarse picture needs a small part at the
+    /// beginning of the file.
+    Level,
+}
+
 /// What a store was and has become.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct RewriteSummary {
@@ -43,7 +54,23 @@ pub struct RewriteSummary {
 /// Records that are damaged; an output that cannot be written, under whose name nothing is left then;
 /// [`crate::error::Error::Interrupted`].
 pub fn compact(store: &Store, output: &Path, progress: &dyn Progress) -> Result<RewriteSummary> {
-    Rewrite { store, meta: store.meta().clone(), cut: Vec::new(), compression: None }.run(output, progress)
+    reorder(store, output, RecordOrder::Build, None, progress)
+}
+
+/// Writes `store` to `output` without gaps, its payloads in another order and, if asked for, compressed in another way. The
+/// bricks are the same.
+///
+/// # Errors
+/// As [`compact`].
+pub fn reorder(
+    store: &Store,
+    output: &Path,
+    order: RecordOrder,
+    compression: Option<Compression>,
+    progress: &dyn Progress,
+) -> Result<RewriteSummary> {
+    let meta = store.meta().clone();
+    Rewrite { store, meta, cut: Vec::new(), compression, order }.run(output, progress)
 }
 
 /// Writes `store` to `output` as [`compact`] does, with every payload compressed in the way asked for. The bricks are the
@@ -57,8 +84,7 @@ pub fn repack(
     compression: Compression,
     progress: &dyn Progress,
 ) -> Result<RewriteSummary> {
-    let compression = Some(compression);
-    Rewrite { store, meta: store.meta().clone(), cut: Vec::new(), compression }.run(output, progress)
+    reorder(store, output, RecordOrder::Build, Some(compression), progress)
 }
 
 /// How a store is written anew.
@@ -70,6 +96,8 @@ pub(super) struct Rewrite<'a> {
     pub cut: Vec<NodeKey>,
     /// How payloads are compressed; `None` if they are copied.
     pub compression: Option<Compression>,
+    /// How payloads stand in the file.
+    pub order: RecordOrder,
 }
 
 /// Records that a thread has made.
@@ -92,7 +120,11 @@ impl Rewrite<'_> {
         let store = self.store;
         let mut writer = StoreWriter::create(output, &self.meta)?.of_files(REMEDY);
         let kept = store.entries().iter().filter(|entry| !self.is_below_cut(entry.key));
-        let ordered = build_order(kept, self.meta.subtree_level());
+        let ordered = match self.order {
+            RecordOrder::Build => build_order(kept, self.meta.subtree_level()),
+            // Entries are in key order.
+            RecordOrder::Level => kept.collect(),
+        };
         progress.phase("rewriting", Some(ordered.len() as u64), "records");
         let chunks: Vec<&[&IndexEntry]> = ordered.chunks(RECORDS_AT_ONCE).collect();
         let walk = Walk::new(store, ordered.len(), |number| Some(ordered[number].key));

@@ -15,6 +15,8 @@ use crate::lattice::NodeKey;
 
 /// Bytes of the index that are read at once.
 const INDEX_BYTES_AT_ONCE: usize = ENTRY_BYTES << 15;
+/// Bytes of it that are asked for before they are read, where they lie elsewhere.
+const INDEX_BYTES_AHEAD: u64 = 8 * INDEX_BYTES_AT_ONCE as u64;
 
 /// Everything of a file but the records.
 pub(super) struct Commit {
@@ -55,6 +57,9 @@ pub(super) fn read_commit(
         })?;
         return unfinished_commit(journal);
     };
+    // Of what lies elsewhere, both come at once.
+    source.ahead(slot.meta_offset, u64::from(slot.meta_bytes).min(META_BYTES_MAX as u64));
+    source.ahead(slot.index_offset, INDEX_BYTES_AHEAD);
     let meta = metadata_of(source, &slot, file_id).map_err(|what| fault("commit slot", what))?;
     if crc32fast::hash(&meta) != slot.meta_crc {
         return Err(fault("metadata", "the checksum differs"));
@@ -134,6 +139,7 @@ fn read_entries(source: &ByteSource, slot: &Slot) -> std::result::Result<Vec<Ind
     let mut bytes = Vec::new();
     for from in (0..end).step_by(INDEX_BYTES_AT_ONCE) {
         let length = (end - from).min(INDEX_BYTES_AT_ONCE as u64);
+        source.ahead(slot.index_offset + from, (end - from).min(INDEX_BYTES_AHEAD));
         let read = source.read(slot.index_offset + from, length, &mut bytes);
         read.map_err(|what| fault("commit slot", what))?;
         checksum.update(&bytes);

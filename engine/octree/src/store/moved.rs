@@ -55,4 +55,8 @@ impl BrickTree for MovedTree<'_> {
     fn ahead(&self, keys: &[NodeKey]) -> usize {
         self.tree.ahead(keys)
     }
+
+    fn is_elsewhere(&self) -> bool {
+        self.tree.is_elsewhere()
+    }
 }

@@ -8,7 +8,7 @@
 use super::BrickTree;
 use super::cache::CacheStats;
 use super::layout::IndexEntry;
-use crate::lattice::NodeKey;
+use crate::lattice::{NodeKey, Octant};
 use std::collections::{HashSet, VecDeque};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -18,6 +18,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 const TOLD_BYTES: u64 = 4 << 20;
 /// Records with less between them are asked for in one piece: reading so much costs less than another request.
 const GAP_BYTES: u64 = 32 << 10;
+/// Of what comes from elsewhere, bytes between records that are asked for with them cost their part of the connection. They
+/// may be this part of the records'.
+const GAPS_PART: u64 = 4;
 /// Bricks that a walk names at a time, of 1 KB and more each.
 const KEYS_AT_ONCE: usize = 1024;
 /// Records that are remembered until they are read, for the statistics. Those of a walk that has left its way are
@@ -75,6 +78,58 @@ impl<'a> Walk<'a> {
     }
 }
 
+/// Which records are asked for in one piece.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Merging {
+    /// Those with little between them.
+    Gap,
+    /// The same, the least gaps first, while all of them stay a small part of the records.
+    Part,
+}
+
+impl Merging {
+    /// The largest gap that is read along between `places`, which are sorted.
+    fn gap(self, places: &[(u64, u64)]) -> u64 {
+        if self == Merging::Gap {
+            return GAP_BYTES;
+        }
+        let mut left = places.iter().map(|(_, bytes)| bytes).sum::<u64>() / GAPS_PART;
+        let mut gaps: Vec<u64> = places.windows(2).map(|pair| pair[1].0 - pair[0].0 - pair[0].1).collect();
+        gaps.sort_unstable();
+        let fits = |gap: &&u64| {
+            let fits = **gap <= left.min(GAP_BYTES);
+            left -= if fits { **gap } else { left };
+            fits
+        };
+        // Gaps of the same size are all read along or none.
+        let read = gaps.iter().take_while(fits).count();
+        let first_left = gaps.get(read).copied().unwrap_or(u64::MAX);
+        gaps[..read].iter().rev().find(|gap| **gap < first_left).copied().unwrap_or(0)
+    }
+}
+
+/// Tells a tree whose bricks come from elsewhere that these will be asked for next, and has them come at once.
+pub fn tell_ahead(tree: &dyn BrickTree, keys: &[NodeKey]) {
+    let mut rest = if tree.is_elsewhere() { keys } else { &[] };
+    while !rest.is_empty() {
+        rest = &rest[tree.ahead(rest).clamp(1, rest.len())..];
+    }
+}
+
+/// The same of all bricks below a node that are not uniform.
+pub fn tell_below(tree: &dyn BrickTree, key: NodeKey) {
+    if !tree.is_elsewhere() {
+        return;
+    }
+    let (mut keys, mut at) = (vec![key], 0);
+    while let Some(key) = keys.get(at).copied() {
+        let is_read = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.uniform().is_none());
+        keys.extend(Octant::all().map(|octant| key.child(octant)).filter(is_read));
+        at += 1;
+    }
+    tell_ahead(tree, &keys[1..]);
+}
+
 /// What a store was told of.
 #[derive(Default)]
 pub(super) struct Prefetch {
@@ -99,6 +154,7 @@ impl Prefetch {
     pub fn tell<'a>(
         &self,
         entries: impl Iterator<Item = Option<&'a IndexEntry>>,
+        merging: Merging,
         fetch: impl Fn(u64, u64),
     ) -> usize {
         let mut waiting = self.lock();
@@ -119,7 +175,8 @@ impl Prefetch {
         drop(waiting);
         self.told.fetch_add(places.len() as u64, Ordering::Relaxed);
         places.sort_unstable();
-        for part in places.chunk_by(|a, b| a.0 + a.1 + GAP_BYTES >= b.0) {
+        let gap = merging.gap(&places);
+        for part in places.chunk_by(|a, b| a.0 + a.1 + gap >= b.0) {
             let [first, last] = [part[0], part[part.len() - 1]];
             fetch(first.0, last.0 + last.1 - first.0);
         }
@@ -184,8 +241,9 @@ mod tests {
 
     fn fetched(ahead: &Prefetch, entries: &[Option<IndexEntry>]) -> (usize, Vec<(u64, u64)>) {
         let parts = Mutex::new(Vec::new());
-        let looked_at = ahead
-            .tell(entries.iter().map(Option::as_ref), |at, bytes| parts.lock().unwrap().push((at, bytes)));
+        let looked_at = ahead.tell(entries.iter().map(Option::as_ref), Merging::Gap, |at, bytes| {
+            parts.lock().unwrap().push((at, bytes))
+        });
         (looked_at, parts.into_inner().unwrap())
     }
 
@@ -209,6 +267,19 @@ mod tests {
         }
         let CacheStats { ahead: told, ahead_used, .. } = ahead.add_to(CacheStats::default());
         assert_eq!((told, ahead_used), (4, 2));
+    }
+
+    #[test]
+    fn of_what_comes_from_elsewhere_the_least_gaps_are_read_along() {
+        let gap = |places: &[(u64, u64)]| Merging::Part.gap(places);
+        assert_eq!(gap(&[]), 0);
+        assert_eq!(gap(&[(0, 100)]), 0);
+        // A quarter of 400 bytes.
+        assert_eq!(gap(&[(0, 100), (100, 100), (260, 100), (391, 100)]), 60);
+        assert_eq!(gap(&[(0, 100), (150, 100), (300, 100), (450, 100)]), 0);
+        assert_eq!(gap(&[(0, 100), (101, 100), (9999, 100)]), 1);
+        assert_eq!(gap(&[(0, 1 << 30), ((1 << 30) + GAP_BYTES + 1, 1)]), 0);
+        assert_eq!(Merging::Gap.gap(&[(0, 1)]), GAP_BYTES);
     }
 
     #[test]

@@ -10,7 +10,8 @@ use super::layout::{
     HEADER_BYTES, IndexEntry, MAGIC, PAGE_BYTES, SLOT_BYTES, SLOT_OFFSETS, Slot, Version, record_crc,
 };
 use super::meta::Meta;
-use super::prefetch::Prefetch;
+use super::prefetch::{Merging, Prefetch};
+use super::ranges::{ByteRanges, RangeFault};
 use super::source::{ByteSource, Io};
 use super::{BrickTree, NodeInfo};
 use crate::brick::Brick;
@@ -119,6 +120,25 @@ impl Store {
                     Err(_) => None,
                 },
             )?;
+        store.accepted(accept)
+    }
+
+    /// Opens a store that lies elsewhere. `path` is how messages name it. Ranges that are read ahead come several at once;
+    /// what is held of them is bounded, see [`Store::source_bytes`].
+    ///
+    /// The answers are those of the same file here: what comes is compared with the checksums of the store.
+    ///
+    /// # Errors
+    /// As [`Store::open`]; [`Error::Store`] with the words of a [`RangeFault`] where bytes do not come. Nothing is read any
+    /// more then.
+    pub fn open_ranges(path: &Path, ranges: Arc<dyn ByteRanges>, options: StoreOptions) -> Result<Store> {
+        let StoreOptions { cache_bytes, accept, .. } = options;
+        let source = ByteSource::elsewhere(ranges);
+        Store::of_source(path, source, cache_bytes, &|_| None)?.accepted(accept)
+    }
+
+    fn accepted(self, accept: AcceptedStores) -> Result<Store> {
+        let (store, path) = (&self, &self.path);
         if store.unfinished && accept < AcceptedStores::Unfinished {
             let what = format!("this is an unfinished store, with {} nodes so far", store.entries().len());
             return Err(Error::store(
@@ -134,7 +154,7 @@ impl Store {
                 let remedy = "join all shards with `brickfield cache merge`";
                 Err(Error::store(path, "header", what, remedy))
             }
-            _ => Ok(store),
+            _ => Ok(self),
         }
     }
 
@@ -147,8 +167,10 @@ impl Store {
     ) -> Result<Store> {
         let of_journal = || Journal::decode(&journal(&journal_of_part(path)?)?);
         let commit = read_commit(&source, &of_journal);
-        let Commit { version, meta, index, identity, end, unfinished } =
-            commit.map_err(|fault| Error::store(path, fault.place, fault.what, fault.remedy))?;
+        let Commit { version, meta, index, identity, end, unfinished } = commit.map_err(|fault| {
+            let remedy = source.fault().map_or(&fault.remedy, |fault| &fault.remedy);
+            Error::store(path, fault.place, fault.what, remedy)
+        })?;
         let (cache, ahead) = (BrickCache::new(cache_bytes), Prefetch::default());
         let path = path.to_owned();
         Ok(Store { path, source, version, meta, index, identity, end, unfinished, cache, ahead })
@@ -179,9 +201,9 @@ impl Store {
         let (mut hasher, mut at) = (blake3::Hasher::new(), 0);
         while at < self.file_bytes() {
             let bytes = AT_ONCE.min(self.file_bytes() - at);
+            self.source.ahead(at, 8 * AT_ONCE);
             let part = self.source.part(at, bytes);
-            hasher
-                .update(&part.map_err(|what| Error::store(&self.path, format!("byte {at}"), what, REBUILD))?);
+            hasher.update(&part.map_err(|what| self.read_error(format!("byte {at}"), what))?);
             at += bytes;
         }
         Ok(*hasher.finalize().as_bytes())
@@ -190,6 +212,16 @@ impl Store {
     /// Bytes that the index takes in memory.
     pub fn index_bytes(&self) -> u64 {
         (size_of_val(self.index.entries()) + size_of_val(&self.identity[..])) as u64
+    }
+
+    /// Memory that bytes of a store elsewhere take at most; 0 of a file.
+    pub fn source_bytes(&self) -> u64 {
+        self.source.bytes_held()
+    }
+
+    /// Requests that were made for a store elsewhere so far, and bytes that came.
+    pub fn requests(&self) -> Option<(u64, u64)> {
+        Some(self.source.pieces()?.requests())
     }
 
     /// The store as messages shall name it: a temporary one by what it was made of.
@@ -241,8 +273,7 @@ impl Store {
     /// # Errors
     /// [`Error::Store`] if the list is damaged.
     pub fn read_identity(&self, entry: &IdentityEntry) -> Result<Vec<u8>> {
-        self.copy_identity(entry)
-            .map_err(|what| Error::store(&self.path, format!("identity {}", entry.key), what, REBUILD))
+        self.copy_identity(entry).map_err(|what| self.read_error(format!("identity {}", entry.key), what))
     }
 
     /// The beads of the store, if it tells them apart; reads and checks their tables.
@@ -251,7 +282,7 @@ impl Store {
     /// [`Error::Store`] if the tables are damaged.
     pub fn bead_tables(&self) -> Result<Option<BeadTables>> {
         let Some(place) = self.identity_place() else { return Ok(None) };
-        let damaged = |what: &str| Error::store(&self.path, "tables of beads", what, REBUILD);
+        let damaged = |what: &str| self.read_error("tables of beads", what);
         let bytes =
             self.source.part(place.tables_offset, place.tables_bytes).map_err(|what| damaged(&what))?;
         if crc32fast::hash(&bytes) != place.tables_crc {
@@ -276,7 +307,7 @@ impl Store {
             return Ok(Vec::new());
         };
         self.load_segments(&self.identity[at], tables)
-            .map_err(|what| Error::store(&self.path, format!("identity {key}"), what, REBUILD))
+            .map_err(|what| self.read_error(format!("identity {key}"), what))
     }
 
     /// Where leaves say which beads they count, in key order.
@@ -367,7 +398,21 @@ impl Store {
     }
 
     fn record_error(&self, key: NodeKey, what: impl ToString) -> Error {
-        Error::store(&self.path, format!("record {key}"), what, REBUILD)
+        self.read_error(format!("record {key}"), what)
+    }
+
+    /// What is read is not sound, or does not come.
+    fn read_error(&self, place: impl ToString, what: impl ToString) -> Error {
+        let remedy = self.source.fault().map_or(REBUILD, |fault| &fault.remedy);
+        Error::store(&self.path, place, what, remedy)
+    }
+
+    /// The error of a store whose bytes do not come any more, for who counts damage and goes on.
+    pub(super) fn fault(&self) -> Result<()> {
+        match self.source.fault() {
+            Some(RangeFault { what, remedy, .. }) => Err(Error::store(&self.path, "records", what, remedy)),
+            None => Ok(()),
+        }
     }
 
     /// As [`Store::load`], and puts the brick into the cache. What that lets go of is the memory of the thread's next brick:
@@ -423,7 +468,12 @@ impl BrickTree for Store {
 
     fn ahead(&self, keys: &[NodeKey]) -> usize {
         let wanted = |key: &NodeKey| self.index.get(*key).filter(|_| !self.cache.holds(*key));
-        self.ahead.tell(keys.iter().map(wanted), |offset, bytes| self.source.ahead(offset, bytes))
+        let merging = if self.is_elsewhere() { Merging::Part } else { Merging::Gap };
+        self.ahead.tell(keys.iter().map(wanted), merging, |offset, bytes| self.source.ahead(offset, bytes))
+    }
+
+    fn is_elsewhere(&self) -> bool {
+        self.source.pieces().is_some()
     }
 
     fn brick_once(&self, key: NodeKey) -> Result<Arc<Brick>> {

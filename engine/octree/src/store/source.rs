@@ -1,5 +1,7 @@
 //! The bytes of a store, wherever they are read from.
 
+use super::pieces::{HELD_BYTES, Pieces};
+use super::ranges::{ByteRanges, RangeFault};
 use crate::error::Result;
 use crate::mmap::{Access, MappedFile, open_regular};
 use rustix::fs::{Advice, fadvise};
@@ -8,6 +10,7 @@ use std::io::ErrorKind;
 use std::num::NonZeroU64;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
+use std::sync::Arc;
 
 /// How a store is read. Answers are the same; what differs is what happens if another process, or the network,
 /// interferes.
@@ -38,6 +41,8 @@ pub(super) enum ByteSource {
         /// Its size when it was opened.
         bytes: u64,
     },
+    /// What lies elsewhere and comes by ranges.
+    Elsewhere(Pieces),
     #[cfg(any(test, feature = "fuzzing"))]
     Memory(Vec<u8>),
 }
@@ -61,11 +66,35 @@ impl ByteSource {
         })
     }
 
+    /// A file that lies elsewhere.
+    pub fn elsewhere(ranges: Arc<dyn ByteRanges>) -> ByteSource {
+        ByteSource::Elsewhere(Pieces::new(ranges, HELD_BYTES))
+    }
+
+    /// Where a part takes a while to come, the file that it comes from.
+    pub fn pieces(&self) -> Option<&Pieces> {
+        match self {
+            ByteSource::Elsewhere(pieces) => Some(pieces),
+            _ => None,
+        }
+    }
+
+    /// Why nothing more can be read, where the reason is not the file itself.
+    pub fn fault(&self) -> Option<&RangeFault> {
+        self.pieces()?.fault()
+    }
+
+    /// Memory that it takes at most.
+    pub fn bytes_held(&self) -> u64 {
+        self.pieces().map_or(0, |_| HELD_BYTES)
+    }
+
     /// Size in bytes.
     pub fn bytes(&self) -> u64 {
         match self {
             ByteSource::Map(map) => map.len(),
             ByteSource::File { bytes, .. } => *bytes,
+            ByteSource::Elsewhere(pieces) => pieces.bytes(),
             #[cfg(any(test, feature = "fuzzing"))]
             ByteSource::Memory(bytes) => bytes.len() as u64,
         }
@@ -93,6 +122,10 @@ impl ByteSource {
                     _ => format!("it cannot be read: {error}"),
                 })?;
             }
+            ByteSource::Elsewhere(pieces) => {
+                to.resize(length as usize, 0);
+                pieces.read(offset, to)?;
+            }
             #[cfg(any(test, feature = "fuzzing"))]
             ByteSource::Memory(bytes) => {
                 to.clear();
@@ -102,13 +135,15 @@ impl ByteSource {
         Ok(())
     }
 
-    /// Tells the system that a part will be read before long. Only a hint, so nobody is told of a refusal.
+    /// Tells the system, or who fetches from elsewhere, that a part will be read before long. Only a hint, so nobody is told
+    /// of a refusal.
     pub fn ahead(&self, offset: u64, bytes: u64) {
         match self {
             ByteSource::Map(map) => map.advise_ahead(offset, bytes),
             ByteSource::File { file, .. } => {
                 let _ = fadvise(file, offset, NonZeroU64::new(bytes), Advice::WillNeed);
             }
+            ByteSource::Elsewhere(pieces) => pieces.ahead(offset, bytes),
             #[cfg(any(test, feature = "fuzzing"))]
             ByteSource::Memory(_) => {}
         }

@@ -49,6 +49,10 @@ pub trait BrickTree: Sync {
     fn ahead(&self, keys: &[NodeKey]) -> usize {
         keys.len()
     }
+    /// Whether a brick takes a while to come, so that it pays to know before which ones are needed.
+    fn is_elsewhere(&self) -> bool {
+        false
+    }
 }
 
 /// A tree in memory, for tests and small work.

@@ -74,7 +74,7 @@ impl Store {
     /// beside the slots, nor behind the commit. Damage is reported, not returned as an error.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] if `progress` asks for it.
+    /// [`Error::Interrupted`] if `progress` asks for it; [`Error::Store`] where a store elsewhere does not come.
     pub fn verify(&self, progress: &dyn Progress) -> Result<VerifyReport> {
         let entries = self.entries();
         progress.phase("verify", Some(entries.len() as u64), "records");
@@ -93,7 +93,10 @@ impl Store {
                 Ok(report.unwrap_or_default())
             })
             .try_reduce(VerifyReport::default, |a, b| Ok(a.and(b)))?;
-        Ok(bricks.and(identity).and(self.verify_strays()))
+        let report = bricks.and(identity).and(self.verify_strays());
+        // What did not come is no damage.
+        self.fault()?;
+        Ok(report)
     }
 
     /// What stands in the file beside commit and records.

@@ -165,6 +165,16 @@ impl<'a> Bricks<'a> {
         Ok(prepared)
     }
 
+    /// Whether a brick is at hand.
+    pub fn holds(&self, key: NodeKey) -> bool {
+        self.cache.holds(key)
+    }
+
+    /// Lets a brick stay for a while.
+    pub fn will_be_used(&self, key: NodeKey) {
+        self.cache.renew(key);
+    }
+
     /// Lets go of all that is kept.
     pub fn clear(&self) {
         self.cache.clear();

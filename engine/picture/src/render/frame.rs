@@ -4,14 +4,19 @@ use super::camera::Ray;
 use super::relief::{self, Band, BandNeighbours};
 use super::style::{Style, VolumeStyle};
 use super::trace::{BrickPlacement, RayTracer};
-use super::{COARSE_PIXELS, Eye, Scene};
+use super::{COARSE_PIXELS, Eye, ROUNDS_MAX, Scene};
 use crate::error::Result;
+use crate::lattice::NodeKey;
 use crate::picture::{Label, Rgba, mean};
 use crate::progress::Progress;
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 /// Pixels along the side of a tile, which a thread takes at once.
 pub(super) const TILE: u32 = 32;
+
+/// Pixels with the depth of the nearest opaque thing in each.
+type Tile = Vec<(Rgba, f64)>;
 
 /// A scene as one eye sees it.
 pub struct Frame<'s> {
@@ -77,7 +82,11 @@ impl<'s> Frame<'s> {
     /// # Errors
     /// [`Error::Interrupted`](crate::error::Error::Interrupted); what reading the tree and `row` give.
     pub fn draw(&self, progress: &dyn Progress, row: impl FnMut(&[Rgba]) -> Result<()>) -> Result<()> {
-        self.draw_bands(progress, |number| self.band(number, progress), row)
+        let band = |number| {
+            self.fetch(number, progress)?;
+            self.band(number, progress)
+        };
+        self.draw_bands(progress, band, row)
     }
 
     /// The rows of bands from the top.
@@ -111,17 +120,8 @@ impl<'s> Frame<'s> {
     pub(super) fn band(&self, number: u32, progress: &dyn Progress) -> Result<Band> {
         let [width, height] = self.scene.size;
         let rows = TILE.min(height - number * TILE);
-        let tiles: Vec<Vec<(Rgba, f64)>> = (0..width.div_ceil(TILE))
-            .into_par_iter()
-            .map_init(
-                || RayTracer::new(self),
-                |tracer, tile| {
-                    // Asked tile by tile: somebody who looks on may already want another picture.
-                    progress.check()?;
-                    self.tile(tracer, [tile * TILE, number * TILE], [TILE, rows])
-                },
-            )
-            .collect::<Result<_>>()?;
+        let place = |tile: u32| ([tile * TILE, number * TILE], [TILE, rows]);
+        let tiles = self.tiles(width.div_ceil(TILE), place, progress)?;
         let pixel = |n: usize| {
             let (x, y) = (n % width as usize, n / width as usize);
             tiles[x / TILE as usize][y * TILE as usize + x % TILE as usize]
@@ -130,13 +130,41 @@ impl<'s> Frame<'s> {
         Ok(Band { width: width as usize, pixels, depths })
     }
 
-    /// The pixels of a tile, with the depth of the nearest opaque thing in each.
-    fn tile(
+    /// The pixels of so many tiles. Those that need a brick which has to be fetched are drawn again when it is here.
+    fn tiles(
         &self,
-        tracer: &mut RayTracer<'_>,
-        from: [u32; 2],
-        [width, height]: [u32; 2],
-    ) -> Result<Vec<(Rgba, f64)>> {
+        count: u32,
+        place: impl Fn(u32) -> ([u32; 2], [u32; 2]) + Sync,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Tile>> {
+        let draw = |tracer: &mut RayTracer<'_>, tile: u32| {
+            // Asked tile by tile: somebody who looks on may already want another picture.
+            progress.check()?;
+            let (from, size) = place(tile);
+            self.tile(tracer, from, size)
+        };
+        let (mut drawn, mut fetched) = (vec![None; count as usize], HashSet::new());
+        let mut rounds = if self.is_fetched() { ROUNDS_MAX } else { 0 };
+        loop {
+            let tracer = || if rounds > 0 { RayTracer::new(self).noting() } else { RayTracer::new(self) };
+            let missing = drawn.par_iter_mut().enumerate().filter(|(_, drawn)| drawn.is_none());
+            let missing = missing.map_init(tracer, |tracer, (tile, drawn)| {
+                let pixels = draw(tracer, tile as u32)?;
+                let missing = tracer.take_missing();
+                *drawn = missing.is_empty().then_some(pixels);
+                Ok(missing)
+            });
+            let missing: Vec<Vec<NodeKey>> = missing.collect::<Result<_>>()?;
+            if drawn.iter().all(Option::is_some) {
+                return Ok(drawn.into_iter().flatten().collect());
+            }
+            // Where memory is so little that bricks are gone before they are needed, rays wait for them.
+            rounds = if self.fetch_all(missing.concat(), &mut fetched)? { rounds - 1 } else { 0 };
+        }
+    }
+
+    /// The pixels of a tile, with the depth of the nearest opaque thing in each.
+    fn tile(&self, tracer: &mut RayTracer<'_>, from: [u32; 2], [width, height]: [u32; 2]) -> Result<Tile> {
         let rays = self.supersample;
         let mut parts = Vec::with_capacity((rays * rays) as usize);
         let mut pixels = Vec::with_capacity((width * height) as usize);

@@ -27,6 +27,7 @@ mod bricks;
 mod camera;
 mod caster;
 mod clip;
+mod fetch;
 mod field;
 mod frame;
 mod gpu_scene;
@@ -65,6 +66,10 @@ pub const SUPERSAMPLE_MAX: u32 = 8;
 
 /// Cells of a first, coarse picture, in pixels.
 const COARSE_PIXELS: f64 = 4.0;
+
+/// Rounds of fetching bricks from elsewhere, after which the rest comes as rays need it. Seldom do more bricks lie behind
+/// each other at a pixel.
+const ROUNDS_MAX: usize = 32;
 
 /// What to draw, and how.
 #[derive(Clone, Debug)]

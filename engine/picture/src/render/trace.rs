@@ -30,6 +30,8 @@ pub(super) struct RayTracer<'a> {
     /// Where the ray met the first opaque thing, along its length.
     hit: Option<f64>,
     asked: Asked<'a>,
+    /// Bricks that were needed and are not here, if rays end there.
+    missing: Option<Vec<NodeKey>>,
 }
 
 /// A ray in units from the root's first sample, by world length along it.
@@ -147,7 +149,18 @@ impl<'a> RayTracer<'a> {
             gathered: RayLight::default(),
             hit: None,
             asked,
+            missing: None,
         }
+    }
+
+    /// Notes bricks that are not here, and ends rays there.
+    pub fn noting(self) -> RayTracer<'a> {
+        RayTracer { missing: Some(Vec::new()), ..self }
+    }
+
+    /// The bricks that were noted since it was asked last.
+    pub fn take_missing(&mut self) -> Vec<NodeKey> {
+        self.missing.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
     /// Begins with the rays of another pixel.
@@ -229,6 +242,12 @@ impl<'a> RayTracer<'a> {
         if low == high && !node.fractions {
             // The index knows; no need to read the brick.
             return self.uniform(low.into(), place, t);
+        }
+        if let Some(missing) = &mut self.missing
+            && !self.frame.scene.bricks.holds(place.key)
+        {
+            missing.push(place.key);
+            return Ok(ControlFlow::Break(()));
         }
         let prepared = self.frame.scene.bricks.get(place.key, &mut self.lane)?;
         if let Some(colour) = self.begins_within(&prepared, place, t)? {

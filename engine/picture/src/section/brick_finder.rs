@@ -5,7 +5,7 @@ use super::plane::Plane;
 use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, MAX_LEVEL, NodeKey};
-use crate::store::BrickTree;
+use crate::store::{BrickTree, tell_ahead};
 use std::cell::OnceCell;
 use std::sync::Arc;
 
@@ -88,6 +88,18 @@ impl<'a> BrickFinder<'a> {
         self.held.push(PlacedBrick { key, brick, base, spacing, layer: OnceCell::new() });
         Ok(self.held.len() - 1)
     }
+}
+
+/// Tells a tree whose bricks come from elsewhere that those at these positions will be asked for next.
+pub(super) fn tell_places(tree: &dyn BrickTree, level: u8, places: impl Iterator<Item = [f64; 3]>) {
+    if !tree.is_elsewhere() {
+        return;
+    }
+    let is_read = |key: &NodeKey| tree.node(*key).is_some_and(|node| node.uniform().is_none());
+    let mut keys: Vec<NodeKey> = places.filter_map(|at| node_at(tree, level, at)).filter(is_read).collect();
+    keys.sort_unstable();
+    keys.dedup();
+    tell_ahead(tree, &keys);
 }
 
 /// The leaf, or the interior node of the level, whose cells hold the position.

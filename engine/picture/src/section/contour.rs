@@ -7,7 +7,7 @@
 //! stretch bends as the normals at its ends say. A brick of a coarser level is asked for the boundary in its own,
 //! larger squares.
 
-use super::brick_finder::{BrickFinder, PlacedBrick};
+use super::brick_finder::{BrickFinder, PlacedBrick, tell_places};
 use super::cell::stretches;
 use super::face::{Layer, PlaneCrossing};
 use super::join::{Contour, ContourSegment, EdgeId, EdgePoint, TileContour, edge};
@@ -56,8 +56,10 @@ pub fn contour(
     progress.phase("contouring", Some(tiles.len() as u64), "tiles");
     let points_max = limits.memory_bytes / POINT_BYTES;
     let mut whole = TileContour::default();
-    for chunk in tiles.chunks(TILES_AT_ONCE * rayon::current_num_threads().max(1) * 4) {
+    let at_once = TILES_AT_ONCE * rayon::current_num_threads().max(1) * 4;
+    for (number, chunk) in tiles.chunks(at_once).enumerate() {
         progress.check()?;
+        squares.tell(&tiles[number * at_once..tiles.len().min((number + 2) * at_once)]);
         let parts: Vec<TileContour> =
             chunk.par_chunks(TILES_AT_ONCE).map(|tiles| squares.several(tiles)).collect::<Result<_>>()?;
         for part in parts {
@@ -112,6 +114,14 @@ impl Squares<'_> {
             }
         }
         tiles
+    }
+
+    /// Tells which bricks tiles look at.
+    fn tell(&self, tiles: &[[u32; 2]]) {
+        let corners = [[0, 0], [1, 0], [0, 1], [1, 1]];
+        let corners = tiles.iter().flat_map(|[u, v]| corners.map(|[du, dv]| [u + du, v + dv]));
+        let places = corners.map(|corner| self.units(corner.map(|c| c << BRICK_BITS)));
+        tell_places(self.tree, self.level, places);
     }
 
     fn passes(&self, key: NodeKey) -> bool {

@@ -1,16 +1,17 @@
 //! w in a plane as a picture.
 
-use super::brick_finder::{BrickFinder, nearest, trilinear};
+use super::brick_finder::{BrickFinder, nearest, tell_places, trilinear};
 use super::legend::SectionLegend;
 use super::plane::Plane;
 use crate::error::{Error, Result};
-use crate::lattice::{ROOT_BITS, RootCube, spacing_bits};
+use crate::lattice::{BRICK_CELLS, ROOT_BITS, RootCube, spacing_bits};
 use crate::picture::{
     Canvas, Label, LabelPixels, PngRows, Rgba, SIDE_MAX, Scale, WHITE, marks, mean, write_png,
 };
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::path::Path;
 
 /// Pixels along the side of a tile, which a thread takes at once: those of a brick where a pixel is a sample.
@@ -241,6 +242,7 @@ impl Grid {
         progress.phase("drawing", Some(bands as u64), "bands");
         for band in 0..bands {
             progress.check()?;
+            tell_places(tree, self.level, self.places(band..band + 2));
             let tiles: Vec<Vec<Rgba>> = (0..self.size[0].div_ceil(TILE))
                 .into_par_iter()
                 .map_init(
@@ -262,6 +264,18 @@ impl Grid {
             progress.advance(1);
         }
         Ok(())
+    }
+
+    /// Positions in some bands of tiles, several in each brick.
+    fn places(&self, bands: Range<usize>) -> impl Iterator<Item = [f64; 3]> {
+        let brick = BRICK_CELLS as f64 * f64::from(1u32 << spacing_bits(self.level));
+        let step = (brick / self.pixel / 2.0).max(1.0) as usize;
+        let rows = (bands.start * TILE..(bands.end * TILE).min(self.size[1] + step)).step_by(step);
+        let columns = (0..self.size[0] + step).step_by(step);
+        rows.flat_map(move |y| columns.clone().map(move |x| [x, y])).map(move |[x, y]| {
+            let steps = [x as f64, self.size[1] as f64 - 1.0 - y as f64];
+            self.plane.point(std::array::from_fn(|a| self.first[a] + steps[a] * self.pixel), self.at)
+        })
     }
 
     /// The pixels of a tile whose upper left one is `from`, counted from the picture's upper left one.

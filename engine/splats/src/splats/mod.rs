@@ -9,7 +9,8 @@
 //! | `write` | files of splats, `.bsp` |
 //! | `read` | the same, read |
 //! | `page` | a page with its data |
-//! | `ply` | splats as other programs want them |
+//! | `gaussian` | a splat as a flat Gaussian |
+//! | `ply`, `glb` | splats as other programs want them |
 //!
 //! A cell of a level is a cube between eight samples. The splat of a face in it is the plane through the mean of the face's
 //! crossings under their mean normal, moved to the middle between the two farthest. What it stands for lies in the cell and
@@ -21,6 +22,8 @@ mod disc;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzz;
+mod gaussian;
+mod glb;
 mod levels;
 mod page;
 mod ply;
@@ -31,6 +34,7 @@ mod tests;
 mod write;
 
 pub use disc::{Disc, discs_of_levels, discs_of_tree};
+pub use glb::write_glb;
 pub use levels::{LevelsOptions, SplatLevels};
 pub use page::write_page;
 pub use ply::write_ply;

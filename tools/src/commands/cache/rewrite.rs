@@ -2,6 +2,7 @@
 
 use crate::cache_args::{CompactArgs, OutputArgs, PruneArgs, RepackArgs};
 use crate::commands::{CACHE_BYTES, of_store, open_store, start};
+use crate::elsewhere::is_address;
 use crate::failure::Failure;
 use crate::kinds::require_store_name;
 use crate::output::{one_line, print, print_json, require_distinct};
@@ -30,9 +31,13 @@ pub fn compact(args: &CompactArgs) -> Result<(), Failure> {
 
 /// `cache repack`.
 pub fn repack(args: &RepackArgs) -> Result<(), Failure> {
-    let compression = args.compression.into();
+    let compression = match (args.compression, args.order) {
+        (None, Some(_)) => None,
+        (compression, _) => Some(compression.unwrap_or_default().into()),
+    };
+    let order = args.order.unwrap_or_default().into();
     run(&args.output, AcceptedStores::Shards, |store, output, bars| {
-        cache::repack(store, output, compression, bars)
+        cache::reorder(store, output, order, compression, bars)
     })
 }
 
@@ -60,6 +65,10 @@ fn run(
             require_store_name(output, false)?;
             require_distinct(&[output], &[&args.store])?;
             output.clone()
+        }
+        None if is_address(&args.store) => {
+            let what = "a store on a server is not changed there; name the file to write with -o";
+            return Err(Failure::Usage(format!("{}: {what}", args.store.display())));
         }
         // The file that a link names is replaced, not the link. What is not there is told of when it is opened.
         None => std::fs::canonicalize(&args.store).unwrap_or(args.store.clone()),
