@@ -5,7 +5,7 @@
 use brickfield_engine::Error;
 
 /// Settings that messages of the library name; each is set by the option of the same name.
-const SETTINGS: [&str; 39] = [
+const SETTINGS: [&str; 40] = [
     "backend",
     "boundary_error",
     "cell",
@@ -31,6 +31,7 @@ const SETTINGS: [&str; 39] = [
     "pixel",
     "plate",
     "restart",
+    "shard",
     "side",
     "sides",
     "size",

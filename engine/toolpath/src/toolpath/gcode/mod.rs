@@ -177,7 +177,9 @@ pub fn read_gcode(
         progress.phase(passes.next().unwrap_or("reading G-code"), Some(bytes), "bytes");
         let file = CountedFile { file: source::open(path)?, progress };
         Ok(match &member {
-            Some(member) => FileOrMember::Member(member.open(file).map_err(Error::io(path, "read"))?),
+            Some(member) => {
+                FileOrMember::Member(Box::new(member.open(file).map_err(Error::io(path, "read"))?))
+            }
             None => FileOrMember::Whole(file),
         })
     };

@@ -117,7 +117,7 @@ impl Seek for CountedFile<'_> {
 /// A file, or what it holds as an archive.
 pub(super) enum FileOrMember<R> {
     Whole(R),
-    Member(Text<R>),
+    Member(Box<Text<R>>),
 }
 
 impl<R: Read> Read for FileOrMember<R> {
