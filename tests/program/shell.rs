@@ -17,5 +17,5 @@ fn manual_pages_are_written() {
     let page = run(&[&"man", &"build"]).ok();
     assert!(page.contains(".TH brickfield-build 1") && page.contains("refine"), "{page}");
     let page = run(&[&"man", &"cache", &"merge"]).ok();
-    assert!(page.contains(".TH brickfield-cache-merge 1") && page.contains("shares"), "{page}");
+    assert!(page.contains(".TH brickfield-cache-merge 1") && page.contains("shards"), "{page}");
 }

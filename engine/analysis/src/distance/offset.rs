@@ -14,6 +14,10 @@ use std::path::Path;
 /// A node or a run of samples is decided as a whole where the field at its middle exceeds its reach by this many cells: far
 /// more than errors of distances, so that all who share a sample decide alike.
 const CERTAIN: f64 = 0.1;
+/// A place on an edge whose ends are on one side of the part is on that side as well, if the surface is farther from it than
+/// this, in cells: else it would pass between the place and the nearer end. That is half a cell, and what patches are off by at
+/// corners.
+const BETWEEN: f64 = 0.75;
 /// A crossing is found where the field is this small, in cells, or after so many steps.
 const ROOT: f64 = 2e-5;
 const STEPS: usize = 12;
@@ -198,12 +202,13 @@ impl<'a> OffsetField<'a> {
         }
     }
 
-    /// The field at a place on the old lattice; `inside` where that is known.
+    /// The field at a sample of the old lattice, or on an edge between two; `inside` where that is known of the sample, or of
+    /// both.
     fn at(&self, from: [f64; 3], inside: Option<bool>, within: f64) -> Result<(f64, [f64; 3])> {
         let is_sample = from.iter().all(|c| c.fract() == 0.0);
         let foot = self.closest(from, within)?;
-        // A sample's side is certain; of what lies between samples only far from the surface.
-        let inside = inside.filter(|_| is_sample || foot.distance > FAR).unwrap_or(foot.inside);
+        // A sample's side is certain; of what lies between two only away from the surface.
+        let inside = inside.filter(|_| is_sample || foot.distance > BETWEEN).unwrap_or(foot.inside);
         Ok(self.field(&foot, from, inside))
     }
 
