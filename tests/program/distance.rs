@@ -184,18 +184,23 @@ fn offsets_of_a_ball_are_balls() {
     }
 }
 
-#[test]
-fn a_shrunk_box_is_sharp_and_a_grown_one_round() {
-    let dir = Scratch::new();
+/// A store of a turned box in cells of 0.3, half of its edges, and what turns places back to where it has its axes.
+fn turned_box(dir: &Scratch) -> (PathBuf, [f64; 3], impl Fn([f64; 3]) -> [f64; 3]) {
     let half = [4.0, 3.0, 2.5];
     let (axis, angle) = ([1.0, 2.0, 3.0], 0.7);
     let mesh = shapes::cuboid(half.map(|h| -h), half).rotated(axis, angle);
     let part = dir.path("b.brf");
-    run(&[&"build", &stl_of(&dir, "b.stl", &mesh), &"-o", &part, &"--cell", &"0.3", &"-q"]).ok();
+    run(&[&"build", &stl_of(dir, "b.stl", &mesh), &"-o", &part, &"--cell", &"0.3", &"-q"]).ok();
     // Where the axes have gone to.
     let units = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let axes = Mesh { vertices: units, triangles: Vec::new() }.rotated(axis, angle).vertices;
-    let back = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| dot(axes[a], p)) };
+    (part, half, move |p| std::array::from_fn(|a| dot(axes[a], p)))
+}
+
+#[test]
+fn a_shrunk_box_is_sharp_and_a_grown_one_round() {
+    let dir = Scratch::new();
+    let (part, half, back) = turned_box(&dir);
     for by in [0.9f64, 0.3, -0.3, -0.9] {
         let (out, text) = (dir.path("o.brf"), format!("{by}"));
         run(&[&"offset", &part, &"--by", &text, &"-o", &out, &"-q", &"--threads", &"2"]).ok();
@@ -271,14 +276,8 @@ fn enclosed(stl: &Path) -> f64 {
 #[test]
 fn a_cube_grown_with_sharp_edges_is_a_cube() {
     let dir = Scratch::new();
-    let half = [4.0, 3.0, 2.5];
-    let (axis, angle) = ([1.0, 2.0, 3.0], 0.7);
-    let mesh = shapes::cuboid(half.map(|h| -h), half).rotated(axis, angle);
-    let (part, out, stl) = (dir.path("b.brf"), dir.path("o.brf"), dir.path("o.stl"));
-    run(&[&"build", &stl_of(&dir, "b.stl", &mesh), &"-o", &part, &"--cell", &"0.3", &"-q"]).ok();
-    let units = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let axes = Mesh { vertices: units, triangles: Vec::new() }.rotated(axis, angle).vertices;
-    let back = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| dot(axes[a], p)) };
+    let (part, half, back) = turned_box(&dir);
+    let (out, stl) = (dir.path("o.brf"), dir.path("o.stl"));
     for by in [0.9f64, 0.3] {
         let text = format!("{by}");
         let mut bytes = None;

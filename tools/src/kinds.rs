@@ -9,9 +9,8 @@ use brickfield_engine::build::is_plan;
 use brickfield_engine::contour::{listed_mesh_endings, written_mesh_endings};
 use brickfield_engine::export::FORMATS;
 use brickfield_engine::ingest::{InputKind, mesh_endings, readable};
+use brickfield_engine::mmap::begins_with;
 use brickfield_engine::store::is_store;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// What a file is, by its content and then by its name.
@@ -72,9 +71,7 @@ pub fn is_mesh_name(path: &Path) -> bool {
 
 /// Whether a file begins as those of splats do.
 fn is_splats(path: &Path) -> bool {
-    let mut magic = [0; MAGIC.len()];
-    let read = File::open(path).and_then(|mut file| file.read_exact(&mut magic));
-    read.is_ok() && magic == MAGIC
+    begins_with(path, &MAGIC)
 }
 
 /// The command that makes a store of an input.

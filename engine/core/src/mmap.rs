@@ -21,6 +21,7 @@
 use crate::error::{Error, Result};
 use std::ffi::{c_int, c_void};
 use std::fs::{File, Metadata};
+use std::io::Read;
 use std::mem::MaybeUninit;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -317,6 +318,13 @@ fn page_bytes() -> usize {
     // SAFETY: asks for a number.
     let bytes = unsafe { libc::sysconf(libc::_SC_PAGESIZE) };
     usize::try_from(bytes).unwrap_or(4096)
+}
+
+/// Whether a regular file begins with these bytes; false of what cannot be read.
+pub fn begins_with(path: &Path, magic: &[u8]) -> bool {
+    let mut start = vec![0; magic.len()];
+    let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
+    is_file && File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok() && start == magic
 }
 
 /// Opens the regular file `path` for reading, and tells its size.

@@ -184,14 +184,23 @@ class Stores(unittest.TestCase):
         self.assertEqual(len(wrong.stderr.splitlines()), 1)
 
 
+#: As an OBJ file, the last face last.
+TETRAHEDRON = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
 class Shards(unittest.TestCase):
+    def one_build(self, folder: Path) -> tuple[Path, Path]:
+        """A mesh, and where its shards are to be joined to the bytes of ``one.brf``."""
+        source = folder / "a.obj"
+        source.write_text(TETRAHEDRON)
+        brickfield.run("build", source, "-o", folder / "one.brf", "--depth", "3")
+        return source, folder / "a.brf"
+
     def test_what_is_finished_is_kept(self) -> None:
         with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
             folder = Path(name)
             build = brickfield.distributed.build
-            source, out = folder / "a.obj", folder / "a.brf"
-            source.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
-            brickfield.run("build", source, "-o", folder / "one.brf", "--depth", "3")
+            source, out = self.one_build(folder)
             place = folder / "shards"
             blocked = place / "shard-2-of-3.brf"
             blocked.mkdir(parents=True)
@@ -211,12 +220,10 @@ class Shards(unittest.TestCase):
         with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
             folder = Path(name)
             build = brickfield.distributed.build
-            source, out = folder / "a.obj", folder / "a.brf"
-            source.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
-            brickfield.run("build", source, "-o", folder / "one.brf", "--depth", "3")
+            source, out = self.one_build(folder)
             build(source, out, client=pool, shards=3, depth=3, memory="1GiB", plan=True)
             self.assertEqual(out.read_bytes(), (folder / "one.brf").read_bytes())
-            source.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\n")
+            source.write_text(TETRAHEDRON.removesuffix("f 2 3 4\n"))
             with self.assertRaisesRegex(brickfield.Error, "the plan: .*the surface is open"):
                 build(source, out, client=pool, shards=3, depth=3, plan=True)
 

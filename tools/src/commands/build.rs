@@ -158,6 +158,15 @@ impl TryFrom<BuildArgs> for BuildRequest {
 }
 
 impl BuildRequest {
+    /// Gives the build the device that was asked for, if one is of use.
+    fn choose_device(&mut self, are_clouds: bool) -> Result<ComputeDevice, Failure> {
+        let why_not = not_for_devices(&self.options, are_clouds);
+        let chosen = choose(&self.backend, self.memory, Some(why_not))?;
+        let device = chosen.device().map(|device| device.with_check(self.device_check.into()));
+        self.options.resources.device = device;
+        Ok(chosen)
+    }
+
     /// Gives the build its memory, beside that of its device.
     pub(super) fn take_memory(&mut self, memory: u64) {
         let resources = &mut self.options.resources;
@@ -237,10 +246,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     settle_unit(&mut request, &inputs)?;
     choose_solids(&mut request, &inputs, clouds.is_some())?;
-    let chosen =
-        choose(&request.backend, request.memory, Some(not_for_devices(&request.options, clouds.is_some())))?;
-    request.options.resources.device =
-        chosen.device().map(|device| device.with_check(request.device_check.into()));
+    let chosen = request.choose_device(clouds.is_some())?;
     let open_seconds = started.elapsed().as_secs_f64();
     let budget = memory::budget(request.memory);
     request.take_memory(match &clouds {
@@ -276,9 +282,7 @@ fn build_shard(mut request: BuildRequest, plan: &Path) -> Result<(), Failure> {
     require_store_name(&request.output, true)?;
     require_distinct(&[&request.output], &[plan])?;
     let bars = start(request.work)?;
-    let chosen = choose(&request.backend, request.memory, Some(not_for_devices(&request.options, false)))?;
-    request.options.resources.device =
-        chosen.device().map(|device| device.with_check(request.device_check.into()));
+    let chosen = request.choose_device(false)?;
     let budget = memory::budget(request.memory);
     request.take_memory(memory::require_room(&[], &request.options, budget)?);
     let summary = build_planned(plan, &request.output, &request.options, &bars)?;

@@ -5,7 +5,7 @@ use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
-use crate::store::{BrickTree, NodeInfo, Walk};
+use crate::store::{BrickTree, NodeInfo, Walk, require_level};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -57,13 +57,7 @@ impl<'a> Dense<'a> {
     /// # Errors
     /// [`Error::Setting`] if the tree has no node that deep.
     pub fn new(tree: &'a dyn BrickTree, level: u8, element: Element) -> Result<Dense<'a>> {
-        let deepest = tree.deepest_level();
-        if level > deepest {
-            return Err(Error::setting(
-                format!("there is no level {level}, the deepest is {deepest}"),
-                format!("choose a level from 0 to {deepest}"),
-            ));
-        }
+        require_level(tree, level)?;
         Ok(Dense { tree, level, element, scale: 1.0 })
     }
 

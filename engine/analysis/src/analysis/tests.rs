@@ -1,7 +1,9 @@
 //! Small trees with a known field.
 
 use super::*;
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, point_index};
+use crate::brick::{
+    Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, point_index, point_position,
+};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
 use crate::part::PartFile;
 use crate::part::outputs::{NAME, cut_everywhere, fail_everywhere};
@@ -27,7 +29,7 @@ fn tree(depth: u8) -> MemoryTree {
 fn brick(root: RootCube, key: NodeKey) -> Brick {
     let mut samples = Samples::filled(0);
     for n in 0..POINTS {
-        let ijk = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+        let ijk = point_position(n);
         let unit = |a: usize| f64::from(key.base()[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1);
         let point = root.to_world([0, 1, 2].map(unit));
         samples.0[n] = i16::from(point.iter().all(|c| (1.0..3.0).contains(c)));
@@ -166,9 +168,7 @@ fn volumes_are_chords_by_level() {
 fn tree_of(is_inside: impl Fn([f64; 3]) -> bool, crossing: impl Fn(f64) -> f64) -> MemoryTree {
     let inside = |p: [usize; 3]| is_inside(p.map(|c| c as f64));
     let mut samples = Samples::filled(0);
-    let all =
-        |c: usize| [c % BRICK_POINTS, c / BRICK_POINTS % BRICK_POINTS, c / (BRICK_POINTS * BRICK_POINTS)];
-    for p in (0..BRICK_POINTS.pow(3)).map(all) {
+    for p in (0..BRICK_POINTS.pow(3)).map(point_position) {
         samples.0[point_index(p)] = i16::from(inside(p));
     }
     let signs = SignChanges::of(&samples);

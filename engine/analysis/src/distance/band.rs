@@ -1,14 +1,14 @@
 //! Signed distances near a surface as a tree of bricks, for level sets in the files of other tools.
 
+use super::level_nodes::LevelNodes;
 use super::sample_box::SampleBox;
 use super::sides::Sides;
 use super::surface::{Foot, Surface};
-use crate::brick::{Brick, Hermite, POINTS, Samples, point_index};
-use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, NodeKey, Octant, RootCube, dot, minus};
+use crate::brick::{Brick, Samples, point_index};
+use crate::error::Result;
+use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, dot, minus};
 use crate::progress::Progress;
 use crate::store::{BrickTree, NodeInfo};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Half the width of the band, in samples, as in OpenVDB.
@@ -27,7 +27,7 @@ pub struct DistanceTree<'a> {
     level: u8,
     /// Cells of the deepest level between two samples.
     step: f64,
-    nodes: BTreeMap<NodeKey, NodeInfo>,
+    nodes: LevelNodes,
 }
 
 impl<'a> DistanceTree<'a> {
@@ -42,36 +42,15 @@ impl<'a> DistanceTree<'a> {
         progress: &dyn Progress,
     ) -> Result<DistanceTree<'a>> {
         surface.require_any()?;
-        let deepest = tree.deepest_level();
-        if level > deepest {
-            let what = format!("there is no level {level}, the deepest is {deepest}");
-            return Err(Error::setting(what, format!("choose a level from 0 to {deepest}")));
-        }
-        let step = f64::from(1u32 << (deepest - level));
+        let nodes = LevelNodes::new(tree, level)?;
+        let step = f64::from(1u32 << (tree.deepest_level() - level));
         let sides = Sides::new(tree)?;
-        let mut made = DistanceTree { sides, surface, level, step, nodes: BTreeMap::new() };
+        let mut made = DistanceTree { sides, surface, level, step, nodes };
         progress.phase("finding the band", None, "nodes");
-        let mut nodes = BTreeMap::new();
-        made.divide(NodeKey::ROOT, &mut nodes, progress)?;
-        made.nodes = nodes;
+        made.nodes = made
+            .nodes
+            .divided(progress, &|key| Ok(made.beyond(key)?.map_or((-BAND, BAND), |side| (side, side))))?;
         Ok(made)
-    }
-
-    fn divide(
-        &self,
-        key: NodeKey,
-        nodes: &mut BTreeMap<NodeKey, NodeInfo>,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        progress.check()?;
-        let far = self.beyond(key)?;
-        let leaf = far.is_some() || key.level() == self.level;
-        let (min, max) = far.map_or((-BAND, BAND), |side| (side, side));
-        nodes.insert(key, NodeInfo { leaf, min, max, fractions: far.is_none() });
-        if !leaf {
-            Octant::all().try_for_each(|octant| self.divide(key.child(octant), nodes, progress))?;
-        }
-        Ok(())
     }
 
     /// What all samples of a node are, if it is beyond the band.
@@ -130,28 +109,23 @@ impl BrickTree for DistanceTree<'_> {
     }
 
     fn node(&self, key: NodeKey) -> Option<NodeInfo> {
-        self.nodes.get(&key).copied()
+        self.nodes.node(key)
     }
 
     fn keys(&self) -> Vec<NodeKey> {
-        self.nodes.keys().copied().collect()
+        self.nodes.keys()
     }
 
     fn deepest_level(&self) -> u8 {
         self.level
     }
 
-    /// Of an interior node all samples are 0: nothing is drawn of it.
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
-        if let Some(side) = self.node(key).and_then(|node| node.uniform()) {
-            return Ok(Arc::new(Brick::Uniform(side)));
-        }
-        let mut samples = Samples::fractions(PLACES);
-        debug_assert_eq!(samples.0.len(), POINTS);
-        if key.level() == self.level {
+        self.nodes.brick(key, PLACES, || {
+            let mut samples = Samples::fractions(PLACES);
             let first = key.position().map(|p| f64::from(p) * f64::from(BRICK_CELLS as u32) * self.step);
             self.fill(&mut samples, first, SampleBox::BRICK, f64::INFINITY)?;
-        }
-        Ok(Arc::new(Brick::Counts { samples, hermite: Hermite::default() }))
+            Ok(samples)
+        })
     }
 }

@@ -6,9 +6,9 @@
 use super::offset::{OffsetBrick, OffsetField, Solid, offset};
 use super::sides::{DeepBrick, Sides};
 use super::surface::Surface;
-use crate::brick::{Brick, Hermite, HermiteEdge, Samples, SignChanges, point_index};
+use crate::brick::{Brick, Hermite, HermiteEdge, Samples, SignChanges, point_index, point_position};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
+use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
 use crate::part::directory_of;
 use crate::part::temporary::BesideFile;
 use crate::progress::Progress;
@@ -156,9 +156,7 @@ struct Joined<'a> {
 impl<'a> Joined<'a> {
     fn new(part: &'a Brick, filled: OffsetBrick<'a>) -> Joined<'a> {
         let was_solid = part.signs();
-        let at =
-            |n: usize| [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
-        let is_solid = SignChanges::from_fn(|n| was_solid.is_inside(at(n)) || filled.is_solid(n));
+        let is_solid = SignChanges::from_fn(|n| was_solid.is_inside(point_position(n)) || filled.is_solid(n));
         Joined { part, was_solid, is_solid, filled }
     }
 

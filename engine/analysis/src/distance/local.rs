@@ -6,16 +6,16 @@
 
 use super::balls::BallTree;
 use super::inscribed::{INTO, INTO_PART, InscribedBall, MISS, Medium, length};
+use super::level_nodes::LevelNodes;
 use super::sides::{DeepBrick, Sides};
 use super::surface::Surface;
 use super::tally::{LocalSpread, LocalTally};
 use super::thickness::{PreviousContact, farthest};
-use crate::brick::{Brick, Hermite, POINTS, Samples};
-use crate::error::{Error, Result};
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, RootCube, minus};
+use crate::brick::{Brick, POINTS, Samples, point_position};
+use crate::error::Result;
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube, minus};
 use crate::progress::Progress;
 use crate::store::{BrickTree, NodeInfo};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -48,7 +48,7 @@ pub struct LocalThickness<'a> {
     /// Cells of the deepest level between two samples.
     step: f64,
     places: u8,
-    nodes: BTreeMap<NodeKey, NodeInfo>,
+    nodes: LevelNodes,
     tally: Mutex<LocalTally>,
 }
 
@@ -65,45 +65,22 @@ impl<'a> LocalThickness<'a> {
         progress: &dyn Progress,
     ) -> Result<LocalThickness<'a>> {
         surface.require_any()?;
-        let deepest = tree.deepest_level();
-        if level > deepest {
-            let what = format!("there is no level {level}, the deepest is {deepest}");
-            return Err(Error::setting(what, format!("choose a level from 0 to {deepest}")));
-        }
+        let nodes = LevelNodes::new(tree, level)?;
         let (gaps, most) = match of {
             LocalOf::Walls => (false, farthest(surface)),
             LocalOf::Gaps(widest) => (true, 0.5 * widest / surface.cell()),
         };
         let medium = Medium { surface, sides: Sides::new(tree)?, gaps, most };
         let balls = BallTree::new(&medium, memory, folder, progress)?;
-        let step = f64::from(1u32 << (deepest - level));
+        let step = f64::from(1u32 << (tree.deepest_level() - level));
         // Climbing makes balls larger, but not by much.
         let widest = (2.0 * (1.05 * balls.largest() + 2.0)).min(2.0 * most) / step;
         let places = (0..=MOST_PLACES).rev().find(|&p| widest * f64::from(1u32 << p) < f64::from(i16::MAX));
         let places = places.unwrap_or(0);
-        let mut nodes = BTreeMap::new();
         let tally = Mutex::new(LocalTally::default());
-        let mut made =
-            LocalThickness { tree, medium, balls, level, step, places, nodes: BTreeMap::new(), tally };
-        made.divide(NodeKey::ROOT, &mut nodes, progress)?;
-        made.nodes = nodes;
+        let mut made = LocalThickness { tree, medium, balls, level, step, places, nodes, tally };
+        made.nodes = made.nodes.divided(progress, &|key| Ok((0, i16::from(!made.is_empty(key)))))?;
         Ok(made)
-    }
-
-    fn divide(
-        &self,
-        key: NodeKey,
-        nodes: &mut BTreeMap<NodeKey, NodeInfo>,
-        progress: &dyn Progress,
-    ) -> Result<()> {
-        progress.check()?;
-        let is_empty = self.is_empty(key);
-        let leaf = is_empty || key.level() == self.level;
-        nodes.insert(key, NodeInfo { leaf, min: 0, max: i16::from(!is_empty), fractions: !is_empty });
-        if !leaf {
-            Octant::all().try_for_each(|octant| self.divide(key.child(octant), nodes, progress))?;
-        }
-        Ok(())
     }
 
     /// Whether nothing of a node is measured, as its leaf tells.
@@ -126,7 +103,7 @@ impl<'a> LocalThickness<'a> {
     /// # Errors
     /// What making bricks gives that nobody asked for.
     pub fn spread(&self) -> Result<LocalSpread> {
-        for (&key, node) in &self.nodes {
+        for (key, node) in self.nodes.each() {
             let is_known = || self.tally.lock().unwrap_or_else(PoisonError::into_inner).knows(key);
             if node.leaf && node.uniform().is_none() && !is_known() {
                 self.brick(key)?;
@@ -140,7 +117,7 @@ impl<'a> LocalThickness<'a> {
     fn measured(&self, first: [f64; 3]) -> Result<Vec<bool>> {
         let medium = &self.medium;
         let place = |n: usize| -> [f64; 3] {
-            let ijk = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+            let ijk = point_position(n);
             std::array::from_fn(|a| first[a] + ijk[a] as f64 * self.step)
         };
         if self.step == 1.0 {
@@ -148,10 +125,8 @@ impl<'a> LocalThickness<'a> {
                 DeepBrick::All(inside) => return Ok(vec![inside != medium.gaps; POINTS]),
                 DeepBrick::Samples(brick) => {
                     let signs = brick.signs();
-                    let at = |n: usize| {
-                        [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS]
-                    };
-                    return Ok((0..POINTS).map(|n| signs.is_inside(at(n)) != medium.gaps).collect());
+                    let is_inside = |n: usize| signs.is_inside(point_position(n));
+                    return Ok((0..POINTS).map(|n| is_inside(n) != medium.gaps).collect());
                 }
                 DeepBrick::Unknown => {}
             }
@@ -262,7 +237,7 @@ impl BallCanvas {
     }
 
     fn place(&self, n: usize) -> [f64; 3] {
-        let ijk = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+        let ijk = point_position(n);
         std::array::from_fn(|a| self.first[a] + ijk[a] as f64 * self.step)
     }
 
@@ -342,24 +317,18 @@ impl BrickTree for LocalThickness<'_> {
     }
 
     fn node(&self, key: NodeKey) -> Option<NodeInfo> {
-        self.nodes.get(&key).copied()
+        self.nodes.node(key)
     }
 
     fn keys(&self) -> Vec<NodeKey> {
-        self.nodes.keys().copied().collect()
+        self.nodes.keys()
     }
 
     fn deepest_level(&self) -> u8 {
         self.level
     }
 
-    /// Of an interior node all samples are 0: nothing is drawn of it.
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
-        if self.node(key).is_some_and(|node| node.uniform().is_some()) {
-            return Ok(Arc::new(Brick::Uniform(0)));
-        }
-        let samples =
-            if key.level() == self.level { self.samples(key)? } else { Samples::fractions(self.places) };
-        Ok(Arc::new(Brick::Counts { samples, hermite: Hermite::default() }))
+        self.nodes.brick(key, self.places, || self.samples(key))
     }
 }

@@ -41,6 +41,7 @@ mod boxes;
 pub mod closing;
 pub mod deviation;
 mod inscribed;
+mod level_nodes;
 mod local;
 #[cfg(test)]
 mod local_tests;

@@ -2,6 +2,7 @@
 
 use super::boxes::{Block, Boxes, block_of};
 use super::patch::{Crossing, Patch, Shape};
+use super::spilled::Spill;
 use super::surface::Place;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::EdgeFacet;
@@ -10,9 +11,10 @@ use std::collections::HashMap;
 
 /// Patches in a box.
 const RUN: usize = 1;
-/// Bytes of a patch and of a corner in a file.
+/// Bytes of a patch, of a corner, and of the base in a file.
 const PATCH_BYTES: usize = 47;
 const CORNER_BYTES: usize = 12;
+const BASE_BYTES: usize = 24;
 
 /// All patches whose lattice edges a leaf owns. Places are in cells of the deepest level, counted from `base`.
 pub(super) struct Piece {
@@ -116,17 +118,20 @@ impl Piece {
         let ends = self.boxes.whole();
         block_of(ends.iter().map(|c| [0, 1, 2].map(|a| f64::from(c[a]) + self.base[a])), 0.0)
     }
+}
 
-    pub fn heap_bytes(&self) -> usize {
+impl Spill for Piece {
+    fn heap_bytes(&self) -> usize {
         self.patches.capacity() * size_of::<Patch>()
             + self.rings.capacity() * CORNER_BYTES
             + self.boxes.heap_bytes()
     }
 
-    /// For a file.
-    pub fn bytes(&self) -> Vec<u8> {
-        let mut bytes =
-            Vec::with_capacity(4 + self.patches.len() * PATCH_BYTES + self.rings.len() * CORNER_BYTES);
+    fn bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(
+            BASE_BYTES + 4 + self.patches.len() * PATCH_BYTES + self.rings.len() * CORNER_BYTES,
+        );
+        self.base.iter().for_each(|c| bytes.extend(c.to_le_bytes()));
         bytes.extend((self.patches.len() as u32).to_le_bytes());
         for patch in &self.patches {
             let Patch { at, normal, bend, radius, first, count, shape } = patch;
@@ -141,9 +146,10 @@ impl Piece {
         bytes
     }
 
-    /// What [`Piece::bytes`] gave; `None` of anything else.
-    pub fn of_bytes(base: [f64; 3], bytes: &[u8]) -> Option<Piece> {
-        let (count, rest) = bytes.split_first_chunk::<4>()?;
+    fn of_bytes(bytes: &[u8]) -> Option<Piece> {
+        let (base, rest) = bytes.split_first_chunk::<BASE_BYTES>()?;
+        let base = std::array::from_fn(|a| f64::from_le_bytes(std::array::from_fn(|b| base[8 * a + b])));
+        let (count, rest) = rest.split_first_chunk::<4>()?;
         let count = u32::from_le_bytes(*count) as usize;
         let (patches, rings) = rest.split_at_checked(count.checked_mul(PATCH_BYTES)?)?;
         let number = |bytes: &[u8], n: usize| {

@@ -55,11 +55,23 @@ impl<T: Spill> Spilled<T> {
         Ok(())
     }
 
+    /// A group, to keep for a while.
     pub fn get(&self, number: usize) -> Result<Arc<T>> {
-        let (offset, bytes) = match &self.held[number] {
-            HeldGroup::Here(group) => return Ok(group.clone()),
-            HeldGroup::There { offset, bytes } => (*offset, *bytes),
-        };
+        match &self.held[number] {
+            HeldGroup::Here(group) => Ok(group.clone()),
+            HeldGroup::There { offset, bytes } => self.read(number, *offset, *bytes),
+        }
+    }
+
+    /// Calls `each` with a group. Of one in memory nothing is counted, which threads would wait for.
+    pub fn with<R>(&self, number: usize, each: impl FnOnce(&T) -> Result<R>) -> Result<R> {
+        match &self.held[number] {
+            HeldGroup::Here(group) => each(group),
+            HeldGroup::There { offset, bytes } => each(&*self.read(number, *offset, *bytes)?),
+        }
+    }
+
+    fn read(&self, number: usize, offset: u64, bytes: usize) -> Result<Arc<T>> {
         let name = name(number);
         if let Some(group) = name.and_then(|name| self.cache.get(name)) {
             return Ok(group);

@@ -4,14 +4,13 @@ use super::boxes::{Boxes, Lanes, Normals, Question, WIDE};
 use super::patch::Patch;
 use super::piece::Piece;
 use super::questions::{Ball, NearestQuery, NormalAround, OfPiece, PatchQuestion, RayQuery};
+use super::spilled::Spilled;
 use crate::contour::{Bend, edge_facets};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube, spacing_bits};
-use crate::part::temporary::TempFile;
 use crate::progress::Progress;
-use crate::store::{BrickCache, BrickTree};
+use crate::store::BrickTree;
 use std::path::Path;
-use std::sync::Arc;
 
 /// How far below the surface the solid is asked whose it is, in cells.
 const INNER: f64 = 0.3;
@@ -40,22 +39,14 @@ pub struct Foot {
     pub place: Place,
 }
 
-/// A piece in memory, or in a file.
-enum Held {
-    Here(Box<Piece>),
-    There { offset: u64, bytes: usize, base: [f64; 3] },
-}
-
 /// The surface w = 0.5 of a tree, made once: about 150 bytes a vertex of its mesh, in a file beside memory where they are more
 /// than allowed.
 pub struct Surface {
     root: RootCube,
     deepest: u8,
     keys: Vec<NodeKey>,
-    held: Vec<Held>,
+    pieces: Spilled<Piece>,
     boxes: Boxes,
-    file: TempFile,
-    cache: BrickCache<Piece>,
     patches: u64,
 }
 
@@ -66,10 +57,8 @@ impl Surface {
     /// What contouring and the file give.
     pub fn new(tree: &dyn BrickTree, memory: u64, folder: &Path, progress: &dyn Progress) -> Result<Surface> {
         let (root, deepest) = (tree.root(), tree.deepest_level());
-        let file = TempFile::new(folder);
-        let (mut keys, mut held) = (Vec::new(), Vec::new());
+        let (mut keys, mut pieces, mut patches) = (Vec::new(), Spilled::new(memory, folder), 0);
         let (mut blocks, mut normals) = (Vec::new(), Vec::new());
-        let (mut here, mut patches) = (0, 0);
         let caches = (memory / 2).clamp(16 << 20, 512 << 20);
         let make = |key: NodeKey, facets: &[_]| {
             let brick = tree.brick(key)?;
@@ -87,20 +76,11 @@ impl Surface {
                 blocks.push(piece.block());
                 normals.push(piece.normals());
                 patches += piece.patches.len() as u64;
-                let bytes = piece.heap_bytes() as u64;
-                if here + bytes <= memory / 2 {
-                    here += bytes;
-                    held.push(Held::Here(Box::new(piece)));
-                } else {
-                    let (base, bytes) = (piece.base, piece.bytes());
-                    held.push(Held::There { offset: file.append(&bytes)?, bytes: bytes.len(), base });
-                }
-                Ok(())
+                pieces.push(piece)
             },
         )?;
         let boxes = Boxes::new(blocks.into_iter(), 1).with_normals(normals.into_iter());
-        let cache = BrickCache::new(memory / 2);
-        Ok(Surface { root, deepest, keys, held, boxes, file, cache, patches })
+        Ok(Surface { root, deepest, keys, pieces, boxes, patches })
     }
 
     /// The cube that the tree divides.
@@ -143,19 +123,7 @@ impl Surface {
 
     /// Calls `each` with a piece.
     pub(super) fn with<R>(&self, leaf: usize, each: impl FnOnce(&Piece) -> Result<R>) -> Result<R> {
-        let (offset, bytes, base) = match &self.held[leaf] {
-            Held::Here(piece) => return each(piece),
-            Held::There { offset, bytes, base } => (*offset, *bytes, *base),
-        };
-        let key = self.keys[leaf];
-        if let Some(piece) = self.cache.get(key) {
-            return each(&piece);
-        }
-        let mut read = vec![0; bytes];
-        self.file.read(offset, &mut read)?;
-        let piece = Arc::new(Piece::of_bytes(base, &read).ok_or_else(|| self.file.damaged())?);
-        drop(self.cache.insert(key, &piece, piece.heap_bytes()));
-        each(&piece)
+        self.pieces.with(leaf, each)
     }
 
     /// Asks all patches, those in near boxes first.

@@ -2,8 +2,8 @@
 
 use super::thickness::{Method, Options, PreviousContact, at};
 use super::*;
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
-use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube, dot, minus};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, point_position};
+use crate::lattice::{Axis, NodeKey, Octant, RootCube, dot, minus};
 use crate::progress::Silent;
 use crate::store::{BrickTree, MemoryTree};
 
@@ -33,7 +33,7 @@ fn brick(shape: SignedDistance<'_>, root: RootCube, key: NodeKey) -> Brick {
     };
     let mut samples = Samples::filled(0);
     for n in 0..POINTS {
-        let ijk = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+        let ijk = point_position(n);
         samples.0[n] = i16::from(shape(point(ijk)) < 0.0);
     }
     if samples.range().0 == samples.range().1 {

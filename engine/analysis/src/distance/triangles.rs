@@ -270,9 +270,11 @@ impl<Q: TriangleQuestion> Question for OfGroups<'_, Q> {
     }
 
     fn visit(&mut self, thing: usize) -> Result<()> {
-        let group = self.triangles.groups.get(thing)?;
-        let probe = Probe::new(self.from, group.boxes.size());
-        group.boxes.search(&mut OfGroup { corners: &group.corners, question: self.question, probe })
+        let (from, question) = (self.from, &mut *self.question);
+        self.triangles.groups.with(thing, |group| {
+            let probe = Probe::new(from, group.boxes.size());
+            group.boxes.search(&mut OfGroup { corners: &group.corners, question, probe })
+        })
     }
 }
 

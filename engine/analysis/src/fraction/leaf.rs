@@ -20,40 +20,33 @@ impl SumBox {
     /// A tent is the sum of narrower ones: those of `factor`-th its width at their own spacing, each with the height that the
     /// wide one has there (the two-scale relation of linear B-splines: Chui 1992, *An Introduction to Wavelets*, ch. 4).
     pub fn coarsened(&self, factor: u32) -> SumBox {
-        let (mut sums, mut size, mut first) = (self.sums.clone(), self.size, self.first);
         // The slowest axis first, which leaves the least to the others.
-        for axis in [2, 1, 0] {
-            (first[axis], size[axis], sums) = coarsened(&sums, (first[axis], size), axis, factor);
+        self.coarser_along(2, factor).coarser_along(1, factor).coarser_along(0, factor)
+    }
+
+    fn coarser_along(&self, axis: usize, factor: u32) -> SumBox {
+        let (mut first, mut size) = (self.first, self.size);
+        let (wide, weight_of_all) = (i64::from(factor), 1.0 / f64::from(factor));
+        first[axis] = self.first[axis].div_euclid(wide);
+        // The last sample adds to the one at it or before, and to the next.
+        let last = self.first[axis] + self.size[axis] as i64 - 1;
+        size[axis] = (last.div_euclid(wide) - first[axis]) as usize + 2;
+        let row: usize = size[..axis].iter().product();
+        let mut sums = vec![0.0; size.iter().product()];
+        let slabs = self.sums.chunks_exact(row * self.size[axis]);
+        for (slab, into) in slabs.zip(sums.chunks_exact_mut(row * size[axis])) {
+            for (n, values) in slab.chunks_exact(row).enumerate() {
+                let at = self.first[axis] + n as i64;
+                let place = (at.div_euclid(wide) - first[axis]) as usize;
+                let upper = at.rem_euclid(wide) as f64 / f64::from(factor).powi(2);
+                for (place, weight) in [(place, weight_of_all - upper), (place + 1, upper)] {
+                    let to = &mut into[place * row..][..row];
+                    to.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+                }
+            }
         }
         SumBox { first, size, sums }
     }
-}
-
-/// Sums of a box, coarser along one axis, with their first sample and their number along it.
-fn coarsened(
-    sums: &[f64],
-    (first, size): (i64, [usize; 3]),
-    axis: usize,
-    factor: u32,
-) -> (i64, usize, Vec<f64>) {
-    let wide = i64::from(factor);
-    let begin = first.div_euclid(wide);
-    // The last sample adds to the one at it or before, and to the next.
-    let count = ((first + size[axis] as i64 - 1).div_euclid(wide) - begin) as usize + 2;
-    let row: usize = size[..axis].iter().product();
-    let mut coarse = vec![0.0; sums.len() / size[axis] * count];
-    for (slab, into) in sums.chunks_exact(row * size[axis]).zip(coarse.chunks_exact_mut(row * count)) {
-        for (n, values) in slab.chunks_exact(row).enumerate() {
-            let at = first + n as i64;
-            let (place, within) = ((at.div_euclid(wide) - begin) as usize, at.rem_euclid(wide) as f64);
-            let upper = within / f64::from(factor).powi(2);
-            for (place, weight) in [(place, 1.0 / f64::from(factor) - upper), (place + 1, upper)] {
-                let to = &mut into[place * row..][..row];
-                to.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-            }
-        }
-    }
-    (begin, count, coarse)
 }
 
 /// Weights of one line of samples at coarse samples, from the first of the block on.

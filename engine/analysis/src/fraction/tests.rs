@@ -1,9 +1,9 @@
 //! Fractions against formulas.
 
 use super::*;
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, point_position};
 use crate::contour::ContourOptions;
-use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
+use crate::lattice::{Axis, NodeKey, Octant, RootCube};
 use crate::progress::Silent;
 use crate::store::MemoryTree;
 
@@ -40,7 +40,7 @@ fn brick(shape: u8, root: RootCube, key: NodeKey) -> Brick {
     };
     let mut samples = Samples::filled(0);
     for n in 0..POINTS {
-        let ijk = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+        let ijk = point_position(n);
         samples.0[n] = i16::from(depth_in(shape, point(ijk)) > 0.0);
     }
     if samples.range().0 == samples.range().1 {

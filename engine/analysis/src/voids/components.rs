@@ -235,6 +235,7 @@ fn number(rows: Box<[u32]>, mut runs: Vec<Run>, parents: &mut [u32]) -> Componen
 pub(super) mod tests {
     use super::*;
     use crate::brick::POINTS;
+    use crate::brick::point_position;
     use proptest::prelude::*;
 
     /// The component of each of n³ samples by flooding, numbered by the first sample.
@@ -274,7 +275,7 @@ pub(super) mod tests {
         #[test]
         fn components_are_those_of_a_flood(seed in any::<u64>(), share in 1u64..16, blocks in 0u32..4) {
             let solid_at = |n: usize| {
-                let at = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+                let at = point_position(n);
                 let [x, y, z] = at.map(|c| (c >> blocks) as u64);
                 crate::lattice::mix(seed ^ (x | y << 8 | z << 16)) % 16 < share
             };
@@ -284,7 +285,7 @@ pub(super) mod tests {
                 let found = Components::of_signs(&signs, connectivity);
                 let expected = flooded(&inside, BRICK_POINTS, connectivity);
                 for (n, expected) in expected.iter().enumerate() {
-                    let at = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+                    let at = point_position(n);
                     prop_assert_eq!(u32::from(found.at(at)), *expected);
                 }
                 prop_assert_eq!(found.len() as u32, expected.iter().max().unwrap() + 1);

@@ -2,7 +2,7 @@
 
 use super::cells::CellBits;
 use super::covered::{ROWS, solid_cells};
-use crate::brick::{Brick, Hermite, point_index};
+use crate::brick::{Brick, Hermite, point_index, point_position};
 use crate::error::Result;
 use crate::lattice::{
     BRICK_CELLS, BRICK_POINTS, CubeTest, MAX_LEVEL, NodeKey, RootCube, Triangle, Units, bounds, has_area,
@@ -166,7 +166,7 @@ fn of_triangles(key: NodeKey, corner: i16, triangles: &[Triangle]) -> Result<(Ce
     touching.sort_unstable();
     for cell in touching.chunk_by(|a, b| a.0 == b.0) {
         let n = cell[0].0 as usize;
-        let at = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS.pow(2)];
+        let at = point_position(n);
         let row = at[2] * BRICK_POINTS + at[1];
         match settled(key, &brick, at, cell.iter().map(|&(_, number)| &triangles[number as usize])) {
             Some(true) => solid_though_touched[row] |= 1 << at[0],

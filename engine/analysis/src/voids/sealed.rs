@@ -14,7 +14,7 @@ use super::components::Components;
 use super::labelling::Labelling;
 use super::matter::{Corners, Matter, corners, gather};
 use super::trace::Tracer;
-use crate::brick::Brick;
+use crate::brick::{Brick, point_position};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant};
 use crate::progress::Progress;
@@ -276,8 +276,7 @@ impl<'a> SealRules<'a> {
         let (known, own) = matter.evaluate(key, corner, self.solids())?;
         if let (Some(own), true) = (&own, key == leaf_key) {
             let points = 0..BRICK_POINTS.pow(3);
-            let at = |n: usize| [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS.pow(2)];
-            if points.into_iter().any(|n| own.sample(at(n)) != brick.sample(at(n))) {
+            if points.into_iter().any(|n| own.sample(point_position(n)) != brick.sample(point_position(n))) {
                 return Ok(None);
             }
         }

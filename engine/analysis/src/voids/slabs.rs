@@ -229,6 +229,7 @@ fn overlaps(samples: &Samples, (low, step): (i64, i64), area: i128, slabs: &mut 
 mod tests {
     use super::super::{Connectivity, label};
     use super::*;
+    use crate::brick::point_position;
     use crate::brick::{Hermite, HermiteEdge, OctNormal, point_index};
     use crate::progress::Silent;
     use crate::store::MemoryTree;
@@ -238,7 +239,7 @@ mod tests {
     fn tree() -> MemoryTree {
         let mut samples = Samples::filled(0);
         for n in 0..BRICK_POINTS.pow(3) {
-            let at = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+            let at = point_position(n);
             let is_void = (10..18).contains(&at[0]) && (10..18).contains(&at[1]) && (8..18).contains(&at[2]);
             if at.iter().all(|c| (4..28).contains(c)) && !is_void {
                 samples.0[point_index(at)] = if at[2] >= 20 { 2 } else { 1 };

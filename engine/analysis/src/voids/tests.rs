@@ -2,8 +2,8 @@
 
 use super::components::tests::flooded;
 use super::*;
-use crate::brick::{Brick, Hermite, POINTS, Samples};
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, Octant, RootCube, mix};
+use crate::brick::{Brick, Hermite, POINTS, Samples, point_position};
+use crate::lattice::{BRICK_CELLS, NodeKey, Octant, RootCube, mix};
 use crate::progress::Silent;
 use crate::store::MemoryTree;
 use std::collections::HashMap;
@@ -46,7 +46,7 @@ fn tree_of(inside: &[bool]) -> MemoryTree {
         let first = key.position().map(|p| p as usize * BRICK_CELLS * step);
         let mut samples = Samples::filled(0);
         for n in 0..POINTS {
-            let ijk = [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
+            let ijk = point_position(n);
             samples.0[n] = i16::from(at([0, 1, 2].map(|a| first[a] + ijk[a] * step)));
         }
         Brick::from_samples(samples, Hermite::default())

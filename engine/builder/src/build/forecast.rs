@@ -195,14 +195,18 @@ fn bricks_of_box(size: [f64; 3], root: RootCube, level: u8) -> f64 {
 fn surface_of_beads(paths: &[&Toolpath]) -> f64 {
     let of_segment = |path: &Toolpath, bead: usize, number: usize, ends: &[[f64; 3]]| {
         let section = path.section(bead, number);
-        let length = (0..3).map(|a| (ends[1][a] - ends[0][a]).powi(2)).sum::<f64>().sqrt();
-        2.0 * (section.width + section.height) * length
+        2.0 * (section.width + section.height) * length_of(ends)
     };
     let of_bead = |path: &Toolpath, bead: usize| {
         let segments = path.points(bead).windows(2).enumerate();
         segments.map(|(number, ends)| of_segment(path, bead, number, ends)).sum::<f64>()
     };
     paths.iter().flat_map(|path| (0..path.len()).map(move |bead| of_bead(path, bead))).sum()
+}
+
+/// The length of a segment, of whose path these are two points.
+fn length_of(ends: &[[f64; 3]]) -> f64 {
+    (0..3).map(|a| (ends[1][a] - ends[0][a]).powi(2)).sum::<f64>().sqrt()
 }
 
 /// Bricks of a level that beads touch: those of level 7 at most that hold a place on a bead, each with all that are in it,
@@ -217,7 +221,7 @@ fn bricks_of_beads(paths: &[&Toolpath], root: RootCube, level: u8) -> f64 {
         for bead in 0..path.len() {
             for (number, ends) in path.points(bead).windows(2).enumerate() {
                 let section = path.section(bead, number);
-                let length = (0..3).map(|a| (ends[1][a] - ends[0][a]).powi(2)).sum::<f64>().sqrt();
+                let length = length_of(ends);
                 let (across, up) = (1.0 + section.width / edges[1], 1.0 + section.height / edges[1]);
                 along += (1.0 + length / edges[1]) * (across * up).min(2.0 * (across + up));
                 let steps = (2.0 * length / edges[0]).ceil().clamp(1.0, 4096.0);

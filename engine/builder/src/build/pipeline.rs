@@ -1,12 +1,13 @@
 //! The main job: mesh files in, store out.
 
+use super::bins::Binner;
 use super::clock::Clock;
 use super::cost::weigh_soup;
 use super::forecast::{ForecastInput, foresee};
 use super::open::OpenSoup;
 use super::orient;
 use super::rebuild::without_wrong_device;
-use super::resources::Resources;
+use super::resources::{Resources, SpillResources};
 use super::rules::{OPEN, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
 use super::soup::Soup;
@@ -185,11 +186,8 @@ fn build_soup(
     let facets: u64 = opened.iter().map(Input::facets).sum();
     task.cut(|cubes| weigh_soup(&soups, root, cubes, progress), facets / FACETS_OF_VOLUMES)?;
     clock.lap_if(task.meta.shard.is_some(), "weigh");
-    progress.phase("snapping", Some(facets), "facets");
     let cubes = task.cubes();
-    let soup = snap(&soups, root, (cubes, task.rules.sieved()), &task.room, progress)?;
-    opened.iter().try_for_each(Input::check)?;
-    require_area(&soup, opened)?;
+    let soup = snapped((opened, &soups), root, (cubes, task.rules.sieved()), &task.room, progress)?;
     task.meta.numbers.facets = facets;
     task.meta.numbers.degenerate_facets = soup.degenerate;
     clock.lap("snap");
@@ -336,8 +334,23 @@ pub(super) fn describe(input: &Input, identity: [u8; 32]) -> Source {
     }
 }
 
+/// The snapped triangles of `opened`, read from `soups`, which are those or what turning has made of them. See [`snap`].
+pub(super) fn snapped(
+    (opened, soups): (&[Input], &[&dyn Facets]),
+    root: RootCube,
+    cubes: (Binner, Option<u8>),
+    room: &SpillResources,
+    progress: &dyn Progress,
+) -> Result<SnappedSoup> {
+    progress.phase("snapping", Some(opened.iter().map(Input::facets).sum()), "facets");
+    let soup = snap(soups, root, cubes, room, progress)?;
+    opened.iter().try_for_each(Input::check)?;
+    require_area(&soup, opened)?;
+    Ok(soup)
+}
+
 /// Fails if no facet has an area.
-pub(super) fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
+fn require_area(soup: &SnappedSoup, opened: &[Input]) -> Result<()> {
     match opened.first() {
         Some(first) if soup.degenerate == opened.iter().map(Input::facets).sum::<u64>() => Err(Error::input(
             first.path(),

@@ -4,11 +4,11 @@
 //! ```text
 //! head:       "BRFPLAN1"
 //! triangles:  one cube after the other, packed as in temporary files, in extents
-//! directory:  metadata of a shard · settings · numbers of cubes, corners, extents · work of each cube u64 · jumps between
-//!             corners i64 · extents: cube u32, triangles u32, offset u64, bytes u32, CRC-32 u32
+//! directory:  metadata of a shard · way to turn pieces · settings · numbers of cubes, corners, extents · work of each cube
+//!             u64 · jumps between corners i64 · extents: cube u32, triangles u32, offset u64, bytes u32, CRC-32 u32
 //! foot:       offset u64 · bytes u64 · CRC-32 u32 of the directory, u32 0, "BRFPLAN1"
 //! ```
-//! Integers are little-endian. Metadata and settings begin with their length, a u32. A plan is read by the version of the program that
+//! Integers are little-endian. The first three begin with their length, a u32. A plan is read by the version of the program that
 //! has made it.
 
 use super::bins::Binner;
@@ -19,12 +19,12 @@ use super::soup::Soup;
 use super::spill::FileExtent;
 use crate::error::{Error, Result};
 use crate::lattice::Triangle;
-use crate::mmap::{Access, MappedFile};
+use crate::mmap::{Access, MappedFile, begins_with};
 use crate::part::PartFile;
 use crate::part::temporary::TempFile;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
-use crate::store::{Meta, SettingPairs, decode_settings, encode_settings};
+use crate::store::{Fields, Meta, SettingPairs, decode_settings, encode_settings};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -42,7 +42,9 @@ const REMEDY: &str = "make the plan again";
 pub(super) struct PlanDirectory {
     /// As of the first of one shard, which tells the level of cubes, the error of samples and the sum over all pieces.
     pub meta: Meta,
-    /// What decides the store beside the metadata.
+    /// The way in which pieces were turned.
+    pub way: String,
+    /// What else decides the store beside the metadata.
     pub settings: SettingPairs,
     /// Of each cube that is shared out.
     pub work: Vec<u64>,
@@ -58,15 +60,9 @@ pub(super) struct PlanFile {
     extents: Vec<FileExtent>,
 }
 
-/// Whether a file says that it is a plan.
-pub(super) fn is_plan(path: &Path) -> bool {
-    use std::io::Read;
-    let mut head = [0; MAGIC.len()];
-    let mut file = match std::fs::metadata(path).map(|metadata| metadata.is_file()) {
-        Ok(true) => std::fs::File::open(path).ok(),
-        _ => None,
-    };
-    file.as_mut().is_some_and(|file| file.read_exact(&mut head).is_ok()) && head == MAGIC
+/// Whether a file is a plan, by its first bytes.
+pub fn is_plan(path: &Path) -> bool {
+    begins_with(path, &MAGIC)
 }
 
 /// Writes a plan and returns its size in bytes. Memory holds the packed triangles of some cubes.
@@ -147,10 +143,10 @@ fn for_packed(
 }
 
 fn encoded(path: &Path, directory: &PlanDirectory, extents: &[FileExtent]) -> Result<Vec<u8>> {
-    let PlanDirectory { meta, settings, work, jumps } = directory;
+    let PlanDirectory { meta, way, settings, work, jumps } = directory;
     let meta = meta.to_shard_bytes().map_err(|what| Error::store(path, "metadata", what, REMEDY))?;
     let mut bytes = Vec::new();
-    for part in [meta, encode_settings(settings)] {
+    for part in [meta, way.as_bytes().to_vec(), encode_settings(settings)] {
         bytes.extend((part.len() as u32).to_le_bytes());
         bytes.extend(part);
     }
@@ -169,35 +165,16 @@ fn encoded(path: &Path, directory: &PlanDirectory, extents: &[FileExtent]) -> Re
     Ok(bytes)
 }
 
-/// What is left to be read of a directory.
-struct DirectoryFields<'a>(&'a [u8]);
+/// A part that begins with its length.
+fn part<'a>(fields: &mut Fields<'a>) -> Option<&'a [u8]> {
+    let length = fields.u32()? as usize;
+    fields.take(length)
+}
 
-impl<'a> DirectoryFields<'a> {
-    fn take(&mut self, length: usize) -> Option<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(length)?;
-        self.0 = rest;
-        Some(taken)
-    }
-
-    fn u64(&mut self) -> Option<u64> {
-        self.take(8)?.try_into().ok().map(u64::from_le_bytes)
-    }
-
-    fn u32(&mut self) -> Option<u32> {
-        self.take(4)?.try_into().ok().map(u32::from_le_bytes)
-    }
-
-    /// A part that begins with its length.
-    fn part(&mut self) -> Option<&'a [u8]> {
-        let length = self.u32()? as usize;
-        self.take(length)
-    }
-
-    /// So many numbers of 8 bytes each.
-    fn words(&mut self, count: u64) -> Option<Vec<[u8; 8]>> {
-        let bytes = self.take(usize::try_from(count).ok()?.checked_mul(8)?)?;
-        Some(bytes.as_chunks().0.to_vec())
-    }
+/// So many numbers of 8 bytes each.
+fn words(fields: &mut Fields<'_>, count: u64) -> Option<Vec<[u8; 8]>> {
+    let bytes = fields.take(usize::try_from(count).ok()?.checked_mul(8)?)?;
+    Some(bytes.as_chunks().0.to_vec())
 }
 
 impl PlanFile {
@@ -215,7 +192,7 @@ impl PlanFile {
         }
         let cut = || damaged("foot", "the file has been cut short, or more has been added to it");
         let foot = bytes.last_chunk::<FOOT_BYTES>().filter(|foot| foot.ends_with(&MAGIC)).ok_or_else(cut)?;
-        let mut fields = DirectoryFields(foot);
+        let mut fields = Fields(foot);
         let [offset, length] = [0; 2].map(|_| fields.u64().unwrap_or(u64::MAX));
         let crc = fields.u32();
         let end = map.len() - FOOT_BYTES as u64;
@@ -255,15 +232,16 @@ impl PlanFile {
 
 /// A directory and its extents, which lie in order before `end`; `None` if they make no sense.
 fn decoded(bytes: &[u8], end: u64) -> Option<(PlanDirectory, Vec<FileExtent>)> {
-    let mut fields = DirectoryFields(bytes);
-    let meta = Meta::from_shard_bytes(fields.part()?).ok()?;
-    let settings = decode_settings(fields.part()?)?;
+    let mut fields = Fields(bytes);
+    let meta = Meta::from_shard_bytes(part(&mut fields)?).ok()?;
+    let way = String::from_utf8(part(&mut fields)?.to_vec()).ok()?;
+    let settings = decode_settings(part(&mut fields)?)?;
     let [works, jumps, count] = [fields.u64()?, fields.u64()?, fields.u64()?];
-    let work: Vec<u64> = fields.words(works)?.into_iter().map(u64::from_le_bytes).collect();
-    let jumps: Vec<i64> = fields.words(jumps)?.into_iter().map(i64::from_le_bytes).collect();
+    let work: Vec<u64> = words(&mut fields, works)?.into_iter().map(u64::from_le_bytes).collect();
+    let jumps: Vec<i64> = words(&mut fields, jumps)?.into_iter().map(i64::from_le_bytes).collect();
     let rows = fields.take(usize::try_from(count).ok()?.checked_mul(ROW_BYTES)?)?;
     let extent = |row: &[u8]| {
-        let mut fields = DirectoryFields(row);
+        let mut fields = Fields(row);
         let (cell, count, offset) = (fields.u32()?, fields.u32()?, fields.u64()?);
         Some(FileExtent { cell, count, offset, length: fields.u32()?, crc: fields.u32()? })
     };
@@ -275,7 +253,7 @@ fn decoded(bytes: &[u8], end: u64) -> Option<(PlanDirectory, Vec<FileExtent>)> {
     let within = extents.last().is_none_or(|last| last.offset.checked_add(last.length.into()) == Some(end));
     let behind_head = extents.first().map_or(end, |first| first.offset) == MAGIC.len() as u64;
     let is_whole = fields.0.is_empty() && in_order && within && behind_head;
-    is_whole.then_some((PlanDirectory { meta, settings, work, jumps }, extents))
+    is_whole.then_some((PlanDirectory { meta, way, settings, work, jumps }, extents))
 }
 
 /// Triangles of a plan in some cubes.
@@ -351,8 +329,8 @@ mod tests {
             volumes: None,
             shard: Some(shard),
         };
-        let settings = vec![("way".to_owned(), "None".to_owned())];
-        PlanDirectory { meta, settings, work: vec![3, 1, 4], jumps: vec![-1, 5] }
+        let settings = vec![("skipped".to_owned(), "Brim".to_owned())];
+        PlanDirectory { meta, way: "None".to_owned(), settings, work: vec![3, 1, 4], jumps: vec![-1, 5] }
     }
 
     fn extents() -> Vec<FileExtent> {
@@ -365,7 +343,7 @@ mod tests {
         let bytes = encoded(Path::new("x"), &directory(), &extents()).unwrap();
         let (read, rows) = decoded(&bytes, 25).unwrap();
         let written = directory();
-        assert_eq!((read.meta, read.settings), (written.meta, written.settings));
+        assert_eq!((read.meta, read.way, read.settings), (written.meta, written.way, written.settings));
         assert_eq!((read.work, read.jumps, rows.len()), (written.work, written.jumps, 3));
         assert!(decoded(&bytes, 26).is_none());
         for (at, offset) in [(0, 9), (1, 17), (2, u64::MAX)] {

@@ -4,12 +4,11 @@ use super::clock::Clock;
 use super::cost::weigh_soup;
 use super::jobs::{job_level, sort_cubes};
 use super::orient;
-use super::pipeline::{BuildOptions, MeasuredSoup, measure_soup, require_area};
-use super::plan_file::{self, PlanDirectory, PlanFile, write_plan};
+use super::pipeline::{BuildOptions, CommitOptions, MeasuredSoup, measure_soup, snapped};
+use super::plan_file::{PlanDirectory, PlanFile, write_plan};
 use super::rebuild::without_wrong_device;
 use super::resources::SpillResources;
 use super::rules::Rules;
-use super::snap::snap;
 use super::sorted::SortedPieces;
 use super::soup::Soup;
 use super::summary::BuildSummary;
@@ -47,13 +46,8 @@ pub struct PlanSummary {
     pub phases: Vec<(&'static str, f64)>,
 }
 
-/// Whether a file is a plan, by its first bytes.
-pub fn is_plan(path: &Path) -> bool {
-    plan_file::is_plan(path)
-}
-
-/// Makes a plan of closed meshes: reads them once, and writes what all shards of their store need. The plan itself may have other bytes
-/// each time; the shards that are built from it do not.
+/// Makes a plan of closed meshes: reads them once, and writes what all shards of their store need. The plan itself may have
+/// other bytes each time; the shards that are built from it do not.
 ///
 /// # Errors
 /// As [`super::build_opened`]; and if the surface is open, since then every sample depends on all facets.
@@ -80,11 +74,8 @@ pub fn plan(
     let cost = weigh_soup(&soups, root, (level, rules.depth), progress)?;
     clock.lap("weigh");
     let facets: u64 = opened.iter().map(Input::facets).sum();
-    progress.phase("snapping", Some(facets), "facets");
     let cubes = sort_cubes(&rules);
-    let soup = snap(&soups, root, (cubes, rules.sieved()), &room, progress)?;
-    opened.iter().try_for_each(Input::check)?;
-    require_area(&soup, opened)?;
+    let soup = snapped((opened, &soups), root, (cubes, rules.sieved()), &room, progress)?;
     require_closed(soup.balance.is_closed())?;
     clock.lap("snap");
     meta.volumes = facet_volumes(&soups, bounds, room.memory() / 8, progress)?;
@@ -94,10 +85,9 @@ pub fn plan(
     let found = ShardNumbers { pieces: cost.sum, ..ShardNumbers::default() };
     let one = ShardId { number: 1, of: 1 };
     meta.shard = Some(Shard { id: one, level, gwn_error: options.gwn_error, found });
-    let way = ("way to turn pieces".to_owned(), way_to_turn(options));
-    let settings = std::iter::once(way).chain(options.keeping.settings.clone()).collect();
+    let (way, settings) = (way_to_turn(options), options.keeping.settings.clone());
     let jumps = soup.sorted.corners.iter().flat_map(CornerGrid::jumps).collect();
-    let directory = PlanDirectory { meta, settings, work: cost.of_cubes(), jumps };
+    let directory = PlanDirectory { meta, way, settings, work: cost.of_cubes(), jumps };
     let file_bytes = write_plan(output, &directory, (&soup.sorted, cubes.cells()), progress)?;
     clock.lap("write");
     Ok(PlanSummary {
@@ -129,8 +119,8 @@ fn require_closed(is_closed: bool) -> Result<()> {
     Err(Error::setting(what, "build the shards from the input itself, or close the surface"))
 }
 
-/// Builds the shard of a plan that `options.shard` names, on the threads of the current rayon pool. Of the other options only resources, what
-/// is kept of an interrupted build, and the program count; all else is the plan's.
+/// Builds the shard of a plan that `options.shard` names, on the threads of the current rayon pool. Of the other options only
+/// resources, what is kept of an interrupted build, and the program count; all else is the plan's.
 ///
 /// The shard is joined with the others of its plan by [`super::merge`], to the bytes of one build.
 ///
@@ -154,7 +144,7 @@ fn build_shard(
     let mut clock = Clock::default();
     check_target(output)?;
     let plan = Arc::new(PlanFile::open(path)?);
-    let PlanDirectory { meta, settings, work, jumps } = &plan.directory;
+    let PlanDirectory { meta, way, settings, work, jumps } = &plan.directory;
     if meta.program != options.program {
         let what = format!("it was made by {}, and this is {}", meta.program, options.program);
         return Err(Error::input(path, "plan", what, "make the plan again"));
@@ -166,13 +156,10 @@ fn build_shard(
     let planned = meta.shard.as_ref().ok_or_else(|| damaged("no cubes are shared out"))?;
     let is_first = id.number == 1;
     let volumes = meta.volumes.clone().filter(|_| is_first);
-    let mut settings = settings.clone();
-    let way = if settings.is_empty() { String::new() } else { settings.remove(0).1 };
-    let mut keeping = options.keeping.clone();
-    keeping.settings = settings;
+    let keeping = CommitOptions { settings: settings.clone(), ..options.keeping.clone() };
     let whole = Meta { shard: None, volumes: None, ..meta.clone() };
     let options = BuildOptions { keeping, ..options.clone() };
-    let mut task = Task::begin_as(whole, (planned.gwn_error, way), output, &options)?;
+    let mut task = Task::begin_as(whole, (planned.gwn_error, way.clone()), output, &options)?;
     task.meta.volumes = volumes;
     require_following(&task.rules)?;
     let cubes = sort_cubes(&task.rules);

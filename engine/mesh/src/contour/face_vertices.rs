@@ -11,8 +11,8 @@ use super::envelope::{MinimalEdge, step_at};
 use super::frame::{CellFrame, SampleCoordinates};
 use super::loops::SLACK;
 use super::topology::edge_lower;
-use crate::brick::{POINTS, point_index};
-use crate::lattice::{Axis, BRICK_POINTS, NodeKey, RootCube, Units, spacing_bits};
+use crate::brick::{POINTS, point_index, point_position};
+use crate::lattice::{Axis, NodeKey, RootCube, Units, spacing_bits};
 
 /// Name, relative to a corner `from` that it shares its cell or face with, of a minimal edge: `relative` is
 /// its lower end minus the corner in units.
@@ -44,10 +44,7 @@ pub(super) fn face_key(axis: Axis, corner: [usize; 3]) -> u32 {
 #[inline]
 pub(super) fn face_of(face: u32) -> (Axis, [usize; 3]) {
     let (axis, at) = (face as usize / POINTS, face as usize % POINTS);
-    (
-        Axis::ALL[axis],
-        [at % BRICK_POINTS, at / BRICK_POINTS % BRICK_POINTS, at / (BRICK_POINTS * BRICK_POINTS)],
-    )
+    (Axis::ALL[axis], point_position(at))
 }
 
 /// A face, between planes of the lattice.

@@ -1,8 +1,8 @@
 //! How large a mesh will be, from a few of its bricks.
 
-use crate::brick::{Brick, SignChanges};
+use crate::brick::{Brick, SignChanges, point_position};
 use crate::error::Result;
-use crate::lattice::{BRICK_POINTS, NodeKey};
+use crate::lattice::NodeKey;
 use crate::store::{BrickTree, IndexEntry, Store, tell_ahead};
 
 /// Bricks that are looked at, evenly along the file: sums over 64 of them are within a tenth of the truth for piles of beads.
@@ -28,14 +28,7 @@ pub fn foresee_triangles(store: &Store, iso: f64, level: Option<u8>) -> Result<u
     let mut edges = 0;
     for key in keys {
         if let Brick::Counts { samples, .. } = &*store.brick(key)? {
-            let place = |index: usize| {
-                [
-                    index % BRICK_POINTS,
-                    index / BRICK_POINTS % BRICK_POINTS,
-                    index / BRICK_POINTS / BRICK_POINTS,
-                ]
-            };
-            let changes = SignChanges::from_fn(|index| samples.value(place(index)) >= iso);
+            let changes = SignChanges::from_fn(|index| samples.value(point_position(index)) >= iso);
             edges += changes.counts().iter().map(|&count| count as u64).sum::<u64>();
         }
     }

@@ -15,7 +15,7 @@ pub use hermite::along_row;
 pub use hermite::inside_from;
 pub use hermite::{Hermite, HermiteEdge, OctNormal, Ranks, SignChanges};
 pub use samples::SamplesInOrder;
-pub use samples::{POINTS, Samples, point_index};
+pub use samples::{POINTS, Samples, point_index, point_position};
 pub use thin::ThinPair;
 pub use thin::{THIN_LEVELS, ThinFeatures, ThinLines, ThinSheets};
 

@@ -12,6 +12,12 @@ pub const fn point_index(ijk: [usize; 3]) -> usize {
     (ijk[2] * BRICK_POINTS + ijk[1]) * BRICK_POINTS + ijk[0]
 }
 
+/// The sample `(i, j, k)` with this linear index.
+#[inline]
+pub const fn point_position(index: usize) -> [usize; 3] {
+    [index % BRICK_POINTS, index / BRICK_POINTS % BRICK_POINTS, index / (BRICK_POINTS * BRICK_POINTS)]
+}
+
 /// Winding numbers at the 32³ samples of a brick and its apron, the layers with an index of 32, which repeat
 /// the first samples of the upper neighbours. x fastest, z slowest. The second field is the number of binary
 /// places: 0 for closed input, whose samples are whole; of open input a stored s means s·2^-places.
@@ -171,6 +177,12 @@ impl std::fmt::Debug for Samples {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn positions_are_those_of_indices() {
+        assert!((0..POINTS).all(|index| point_index(point_position(index)) == index));
+        assert_eq!(point_position(POINTS - 1), [32; 3]);
+    }
 
     #[test]
     fn moments_leave_the_apron_out() {

@@ -34,6 +34,8 @@ mod writer;
 pub use cache::BrickCache;
 pub use cache::CacheStats;
 pub use divide::{Divided, write_divided};
+#[doc(hidden)]
+pub use identity::Fields;
 pub use identity::{
     BeadRow, BeadSegment, BeadTables, IdentityEntry, IdentityPlace, SectionRow, encode_segments,
 };
@@ -52,7 +54,7 @@ pub use resume_state::ResumeState;
 pub use shard::{Shard, ShardId, ShardNumbers, cell_key, cells_of};
 pub use source::Io;
 pub use summary::{LevelSummary, NodeNumbers, StoreSummary};
-pub use tree::{BrickTree, MemoryTree, NodeInfo};
+pub use tree::{BrickTree, MemoryTree, NodeInfo, require_level};
 pub use verify::{Damage, VerifyReport};
 pub use visit::{LEAVES_AHEAD, Leaf, LeafOrder, visit, visit_siblings};
 pub use volumes::{Estimate, LayerVolumes, SourceVolumes, SweptVolumes};

@@ -19,8 +19,8 @@ use crate::brick::codec::{Scratch, decode};
 use crate::disk::planted::{Bug, planted};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube};
+use crate::mmap::begins_with;
 use std::cell::RefCell;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -70,11 +70,7 @@ pub struct StoreOptions {
 
 /// Whether a file begins as a store does, finished or not.
 pub fn is_store(path: &Path) -> bool {
-    let mut start = [0; MAGIC.len()];
-    let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
-    is_file
-        && std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok()
-        && start == MAGIC
+    begins_with(path, &MAGIC)
 }
 
 /// BLAKE3 of some bytes, as sources of stores have it.

@@ -5,7 +5,7 @@ use super::{
     MemoryTree, Meta, Refine, Scratch, SectionRow, Shard, ShardId, ShardNumbers, Source, StoreWriter,
     cells_of, encode_segments, encode_with,
 };
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, point_position};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube};
 use std::path::Path;
 
@@ -51,7 +51,7 @@ pub fn count_at(units: [i32; 3]) -> i16 {
 pub fn brick_at(key: NodeKey, leaf: bool) -> Brick {
     let mut samples = Samples::filled(0);
     for index in 0..POINTS {
-        let ijk = [index % BRICK_POINTS, index / BRICK_POINTS % BRICK_POINTS, index / BRICK_POINTS.pow(2)];
+        let ijk = point_position(index);
         let base = key.base();
         samples.0[index] = count_at([0, 1, 2].map(|a| base[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1));
     }

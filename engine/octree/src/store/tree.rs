@@ -1,7 +1,7 @@
 //! The one view of a brick octree that everything above the store works on.
 
 use crate::brick::Brick;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -53,6 +53,19 @@ pub trait BrickTree: Sync {
     fn is_elsewhere(&self) -> bool {
         false
     }
+}
+
+/// Fails if a tree has no node of a level.
+///
+/// # Errors
+/// [`Error::Setting`] with the levels that it has.
+pub fn require_level(tree: &dyn BrickTree, level: u8) -> Result<()> {
+    let deepest = tree.deepest_level();
+    if level <= deepest {
+        return Ok(());
+    }
+    let what = format!("there is no level {level}, the deepest is {deepest}");
+    Err(Error::setting(what, format!("choose a level from 0 to {deepest}")))
 }
 
 /// A tree in memory, for tests and small work.

@@ -2,7 +2,10 @@
 //!
 //! They know no light either, so its colour is shaded: what faces upward is bright.
 
-use super::disc::Disc;
+use super::disc::{Disc, discs_of_levels};
+use super::levels::SplatLevels;
+use crate::error::Result;
+use crate::part::PartFile;
 
 /// Zeroth spherical harmonic: what a colour is divided by.
 const HARMONIC: f64 = 0.282_094_791_773_878_14;
@@ -39,6 +42,21 @@ impl Gaussian {
     pub fn harmonic(&self) -> f32 {
         ((self.grey - 0.5) / HARMONIC) as f32
     }
+}
+
+/// Appends what `bytes` makes of each disc of the finest picture, or of that of `level`.
+pub(super) fn append_discs(
+    file: &mut PartFile,
+    (levels, level): (&SplatLevels, Option<u8>),
+    bytes: impl Fn(&Disc) -> Vec<u8>,
+) -> Result<()> {
+    let mut done = Ok(());
+    discs_of_levels(levels, level, |disc| {
+        if done.is_ok() {
+            done = file.append(&bytes(&disc));
+        }
+    })?;
+    done
 }
 
 /// The quaternion that turns the z axis to a unit vector.

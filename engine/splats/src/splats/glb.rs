@@ -5,7 +5,7 @@
 //! and has y up; a matrix turns the part, which has z up, and scales it.
 
 use super::disc::{Disc, discs_of_levels};
-use super::gaussian::{Gaussian, OPACITY};
+use super::gaussian::{Gaussian, OPACITY, append_discs};
 use super::levels::SplatLevels;
 use crate::error::{Error, Result};
 use crate::part::PartFile;
@@ -43,13 +43,7 @@ pub fn write_glb(levels: &SplatLevels, level: Option<u8>, metres: Option<f64>, p
     })?;
     let mut file = PartFile::create(path)?;
     file.append(&head)?;
-    let mut done = Ok(());
-    discs_of_levels(levels, level, |disc| {
-        if done.is_ok() {
-            done = file.append(&point(&disc));
-        }
-    })?;
-    done?;
+    append_discs(&mut file, (levels, level), point)?;
     file.finish()?;
     Ok(points.count)
 }

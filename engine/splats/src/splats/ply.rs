@@ -3,7 +3,7 @@
 //! Numbers are as training programs write them: scales as logarithms, opacity as log-odds, quaternions with w first.
 
 use super::disc::{Disc, discs_of_levels};
-use super::gaussian::Gaussian;
+use super::gaussian::{Gaussian, append_discs};
 use super::levels::SplatLevels;
 use crate::error::Result;
 use crate::part::PartFile;
@@ -28,13 +28,7 @@ pub fn write_ply(levels: &SplatLevels, level: Option<u8>, path: &Path) -> Result
     let before = "ply\nformat binary_little_endian 1.0\ncomment flat splats of Brickfield\nelement vertex";
     let names: String = NAMES.iter().map(|name| format!("property float {name}\n")).collect();
     file.append(format!("{before} {count}\n{names}end_header\n").as_bytes())?;
-    let mut done = Ok(());
-    discs_of_levels(levels, level, |disc| {
-        if done.is_ok() {
-            done = file.append(&numbers(&disc).map(f32::to_le_bytes).concat());
-        }
-    })?;
-    done?;
+    append_discs(&mut file, (levels, level), |disc| numbers(disc).map(f32::to_le_bytes).concat())?;
     file.finish()?;
     Ok(count)
 }

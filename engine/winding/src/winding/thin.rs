@@ -6,8 +6,8 @@
 use super::crossings::Hit;
 use super::evaluate::{Evaluation, Evaluator};
 use super::scan::ScanFacet;
-use crate::brick::{POINTS, Samples, ThinFeatures, ThinLines, ThinPair, point_index};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, CubeTest, NodeKey, bounds};
+use crate::brick::{POINTS, Samples, ThinFeatures, ThinLines, ThinPair, point_index, point_position};
+use crate::lattice::{Axis, BRICK_CELLS, CubeTest, NodeKey, bounds};
 
 /// Words of a set of lattice edges along one axis, a bit for each sample that an edge may begin at.
 const WORDS: usize = POINTS.div_ceil(64);
@@ -162,8 +162,7 @@ fn may_face(facet: &ScanFacet, axis: Axis) -> bool {
 /// Whether the edge along `axis` that begins at a sample is the brick's, not its neighbour's.
 fn is_owned(axis: Axis, lower: u16) -> bool {
     let lower = usize::from(lower);
-    let ijk =
-        [lower % BRICK_POINTS, lower / BRICK_POINTS % BRICK_POINTS, lower / BRICK_POINTS / BRICK_POINTS];
+    let ijk = point_position(lower);
     Axis::ALL.into_iter().all(|other| other == axis || ijk[other.index()] < BRICK_CELLS)
 }
 

@@ -11,6 +11,7 @@ use super::blocks;
 use super::compress::Zlib;
 use super::{Format, LevelSupport, Volume};
 use crate::analysis::{BrickBlock, Element};
+use crate::brick::point_position;
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey};
 use crate::part::PartFile;
@@ -242,11 +243,9 @@ impl StreamMaker {
 
     fn block(&mut self, block: &BrickBlock<'_>, kind: Datatype) -> [Vec<u8>; 2] {
         self.points.clear();
-        let at =
-            |n: usize| [n % BRICK_POINTS, n / BRICK_POINTS % BRICK_POINTS, n / BRICK_POINTS / BRICK_POINTS];
         match kind {
-            Datatype::F32 => self.points.extend((0..POINTS).map(|n| block.float(at(n)))),
-            _ => self.points.extend((0..POINTS).map(|n| f32::from(block.integer(at(n))))),
+            Datatype::F32 => self.points.extend((0..POINTS).map(|n| block.float(point_position(n)))),
+            _ => self.points.extend((0..POINTS).map(|n| f32::from(block.integer(point_position(n))))),
         }
         let points = self.pack_points(kind);
         let samples = std::mem::take(&mut self.points);

@@ -1,6 +1,6 @@
 //! Integer fields on the lattice and trees over them.
 
-use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, POINTS, Samples, SignChanges, point_position};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, Octant, RootCube, Units};
 use crate::store::MemoryTree;
 
@@ -123,8 +123,7 @@ pub fn brick(shape: &dyn SampledField, key: NodeKey, leaf: bool) -> Brick {
     let at = |ijk: [usize; 3]| -> Units { std::array::from_fn(|a| base[a] + ((ijk[a] as i32) << bits)) };
     let mut samples = Samples::filled(0);
     for index in 0..POINTS {
-        let ijk =
-            [index % BRICK_POINTS, index / BRICK_POINTS % BRICK_POINTS, index / BRICK_POINTS / BRICK_POINTS];
+        let ijk = point_position(index);
         samples.0[index] = shape.winding(at(ijk));
     }
     let (min, max) = samples.range();
