@@ -15,7 +15,7 @@ use brickfield_engine::distance::deviation::{
     Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
 use brickfield_engine::distance::{
-    ALIGNED_POINTS, Align, Region, ScalarPly, Sides, Surface, Triangles, align,
+    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarPly, Sides, Surface, Triangles, align,
 };
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
@@ -129,11 +129,14 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let (vertices, triangles) = ply.counts();
     let how = Align::from(args.align);
     let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS)?, bounds, reference, how)?;
-    let values =
-        ply.fill(&bars, |(): &mut (), world| Ok(reference.opposite(motion.apply(world))?.signed as f32))?;
+    let values = ply.fill(&bars, |last: &mut PreviousPlace, world| {
+        Ok(reference.opposite_next(motion.apply(world), last)?.signed as f32)
+    })?;
     let samples: Vec<[f64; 3]> =
         reference.samples(POINTS_BACK)?.into_iter().map(|point| motion.undo(point)).collect();
-    let back = at_points(&samples, &bars, |point| Ok(of_surface(&surface, &sides, point)?.signed))?;
+    let back = at_points(&samples, &bars, |last: &mut PreviousPlace, point| {
+        Ok(of_surface(&surface, &sides, point, last)?.signed)
+    })?;
     let regions = match (within, kind) {
         (Some(within), Some(_)) => Some(regions_beyond(&surface, reference, (motion, within), &bars)?),
         _ => None,

@@ -1,12 +1,12 @@
 //! Signed distances near a surface as a tree of bricks, for level sets in the files of other tools.
 
+use super::brick_feet::BrickFeet;
 use super::level_nodes::LevelNodes;
-use super::sample_box::SampleBox;
-use super::sides::Sides;
-use super::surface::{Foot, Surface};
-use crate::brick::{Brick, Samples, point_index};
+use super::sides::{DeepBrick, Sides};
+use super::surface::Surface;
+use crate::brick::{Brick, Samples, point_position};
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, NodeKey, RootCube, dot, minus};
+use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, NodeInfo};
 use std::sync::Arc;
@@ -65,41 +65,36 @@ impl<'a> DistanceTree<'a> {
         Ok(Some(if inside { -BAND } else { BAND }))
     }
 
-    /// The signed distance at a sample, in cells, of a foot within the band or none.
-    fn signed(&self, at: [f64; 3], foot: Option<Foot>) -> Result<f64> {
+    /// The samples of a brick whose first one stands there.
+    fn samples(&self, first: [f64; 3]) -> Result<Samples> {
+        let mut samples = Samples::fractions(PLACES);
+        let one = f64::from(1u32 << PLACES) / self.step;
         let band = f64::from(BAND) * self.step;
-        let inside = match (self.sides.sample(at.map(|c| c as i64))?, foot) {
-            (Some(inside), _) => inside,
-            (None, Some(foot)) => foot.inside,
-            // In a coarser leaf, where there is no sample.
-            (None, None) => self.surface.closest(at, f64::INFINITY)?.is_some_and(|foot| foot.inside),
-        };
-        let distance = foot.map_or(band, |foot| foot.distance.min(band));
-        Ok(if inside { -distance } else { distance })
+        let feet = BrickFeet::new(self.surface, first, self.step, band + CERTAIN)?;
+        // On the deepest level it is a brick of the tree.
+        let part =
+            if self.step == 1.0 { self.sides.part(first.map(|c| c as i64))? } else { DeepBrick::Unknown };
+        for (index, sample) in samples.0.iter_mut().enumerate() {
+            let ijk = point_position(index);
+            let inside = match &part {
+                DeepBrick::All(inside) => *inside,
+                DeepBrick::Samples(brick) => brick.sample(ijk) >= 1,
+                DeepBrick::Unknown => {
+                    self.inside(std::array::from_fn(|a| first[a] + ijk[a] as f64 * self.step))?
+                }
+            };
+            let distance = feet.distance(index).map_or(band, |distance| distance.min(band));
+            *sample = (if inside { -distance } else { distance } * one).round() as i16;
+        }
+        Ok(samples)
     }
 
-    /// Fills a box of samples of a brick whose first sample lies at `first`; the surface is within so many cells of its middle.
-    fn fill(&self, samples: &mut Samples, first: [f64; 3], part: SampleBox, within: f64) -> Result<()> {
-        let place = |ijk: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| first[a] + ijk[a] * self.step) };
-        let here = place(part.middle());
-        let one = f64::from(1u32 << PLACES);
-        let band = f64::from(BAND) * self.step;
-        if part.is_single() {
-            let foot = self.surface.closest(here, within.min(band + CERTAIN))?;
-            samples.0[point_index(part.low)] = (self.signed(here, foot)? / self.step * one).round() as i16;
-            return Ok(());
+    fn inside(&self, at: [f64; 3]) -> Result<bool> {
+        match self.sides.sample(at.map(|c| c as i64))? {
+            Some(inside) => Ok(inside),
+            // In a coarser leaf, where there is no sample.
+            None => Ok(self.surface.closest(at, f64::INFINITY)?.is_some_and(|foot| foot.inside)),
         }
-        let reach = part.reach() * self.step + band + CERTAIN;
-        let Some(foot) = self.surface.closest(here, within.min(reach))? else {
-            let corner = place(part.low.map(|c| c as f64));
-            part.fill(&mut samples.0[..], (self.signed(corner, None)? / self.step * one) as i16);
-            return Ok(());
-        };
-        for half in part.halves() {
-            let away = minus(place(half.middle()), here);
-            self.fill(samples, first, half, foot.distance + dot(away, away).sqrt() + CERTAIN)?;
-        }
-        Ok(())
     }
 }
 
@@ -122,10 +117,7 @@ impl BrickTree for DistanceTree<'_> {
 
     fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
         self.nodes.brick(key, PLACES, || {
-            let mut samples = Samples::fractions(PLACES);
-            let first = key.position().map(|p| f64::from(p) * f64::from(BRICK_CELLS as u32) * self.step);
-            self.fill(&mut samples, first, SampleBox::BRICK, f64::INFINITY)?;
-            Ok(samples)
+            self.samples(key.position().map(|p| f64::from(p) * f64::from(BRICK_CELLS as u32) * self.step))
         })
     }
 }

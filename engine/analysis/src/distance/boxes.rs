@@ -109,6 +109,12 @@ impl Lanes {
         })
     }
 
+    /// Which of them meet a block.
+    #[inline]
+    pub fn meeting(&self, [low, high]: &Block) -> [bool; WIDE] {
+        std::array::from_fn(|n| (0..3).all(|a| self.low[a][n] <= high[a] && low[a] <= self.high[a][n]))
+    }
+
     /// Bounds of where a ray enters, infinite where it does not before `limit`. `over` are reciprocals of the direction.
     #[inline]
     pub fn entered(&self, probe: &Probe, over: [f32; 3], limit: f32) -> [f32; WIDE] {

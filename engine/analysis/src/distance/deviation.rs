@@ -4,11 +4,14 @@ use super::numbers::{PointNumbers, numbers};
 use super::regions::{Region, joined, marked};
 use super::sides::Sides;
 use super::surface::{PatchInfo, Surface};
-use super::triangles::Triangles;
+use super::triangles::{PreviousPlace, Triangles};
 use crate::error::Result;
 use crate::lattice::{dot, minus};
 use crate::progress::Progress;
 use std::path::Path;
+
+/// By so many cells the nearest point of a place may be farther than that of the place before tells: more than both are off by.
+const SLACK: f64 = 0.1;
 
 /// Shares of points, in percent, that lie below the numbers told of a spread.
 pub const PERCENTILES: [f64; 5] = [0.1, 1.0, 50.0, 99.0, 99.9];
@@ -96,12 +99,20 @@ impl Reference<'_> {
     /// # Errors
     /// What reading a store's surface, or what does not fit of a mesh, gives.
     pub fn opposite(&self, from: [f64; 3]) -> Result<ReferencePoint> {
+        self.opposite_next(from, &mut PreviousPlace::default())
+    }
+
+    /// As [`Reference::opposite`], of places of which most are near the one before: many times faster.
+    ///
+    /// # Errors
+    /// As [`Reference::opposite`].
+    pub fn opposite_next(&self, from: [f64; 3], last: &mut PreviousPlace) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
-                let (signed, nearest) = triangles.signed(from)?;
+                let (signed, nearest) = triangles.signed(from, last)?;
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed })
             }
-            Reference::Store(surface, sides) => of_surface(surface, sides, from),
+            Reference::Store(surface, sides) => of_surface(surface, sides, from, last),
         }
     }
 
@@ -115,7 +126,9 @@ impl Reference<'_> {
                 let nearest = triangles.nearest(from)?;
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed: nearest.distance })
             }
-            Reference::Store(surface, sides) => of_surface(surface, sides, from),
+            Reference::Store(surface, sides) => {
+                of_surface(surface, sides, from, &mut PreviousPlace::default())
+            }
         }
     }
 
@@ -139,36 +152,46 @@ impl Reference<'_> {
     }
 }
 
-/// The signed distance of a world position from the surface of a store, with the nearest point.
+/// The signed distance of a world position from the surface of a store, with the nearest point. What was found at the place
+/// before, which should be near, makes the search short.
 ///
 /// # Errors
 /// What reading the surface gives.
-pub fn of_surface(surface: &Surface, sides: &Sides<'_>, from: [f64; 3]) -> Result<ReferencePoint> {
+pub fn of_surface(
+    surface: &Surface,
+    sides: &Sides<'_>,
+    from: [f64; 3],
+    last: &mut PreviousPlace,
+) -> Result<ReferencePoint> {
     surface.require_any()?;
     let at = surface.to_cells(from);
-    let foot = surface.closest(at, f64::INFINITY)?;
+    let mut foot = surface.closest(at, last.reach(at) + SLACK)?;
+    if foot.is_none() {
+        foot = surface.closest(at, f64::INFINITY)?;
+    }
     let Some(foot) = foot else {
         return Ok(ReferencePoint { at: from, normal: [0.0; 3], signed: f64::INFINITY });
     };
+    last.keep(at, foot.distance);
     let distance = foot.distance * surface.cell();
     let signed = if sides.inside(at, foot.distance, foot.inside)? { -distance } else { distance };
     Ok(ReferencePoint { at: surface.to_world(foot.at), normal: foot.normal, signed })
 }
 
-/// Asks for a number at all points, on all threads, in order.
+/// Asks for a number at all points, on all threads, in order. `number` may keep something from one point to the next.
 ///
 /// # Errors
 /// What `number` gives; [`crate::error::Error::Interrupted`].
-pub fn at_points(
+pub fn at_points<L: Default>(
     points: &[[f64; 3]],
     progress: &dyn Progress,
-    number: impl Fn([f64; 3]) -> Result<f64> + Sync,
+    number: impl Fn(&mut L, [f64; 3]) -> Result<f64> + Sync,
 ) -> Result<PointNumbers> {
     progress.phase("distances", Some(points.len() as u64), "points");
     // As many as the points are, which are in memory, too.
     let mut found = PointNumbers::new(u64::MAX, Path::new("."));
     let take = |_: &[[f64; 3]], numbers: &[f32]| found.extend(numbers);
-    numbers(points, progress, |(): &mut (), p| Ok(number(p)? as f32), take)?;
+    numbers(points, progress, |last: &mut L, p| Ok(number(last, p)? as f32), take)?;
     Ok(found)
 }
 
@@ -218,8 +241,8 @@ pub fn regions_beyond(
     (motion, within): (Motion, f64),
     progress: &dyn Progress,
 ) -> Result<[Vec<Region>; 2]> {
-    let value = |(): &mut (), patch: &PatchInfo| {
-        let value = reference.opposite(motion.apply(part.to_world(patch.at)))?.signed;
+    let value = |last: &mut PreviousPlace, patch: &PatchInfo| {
+        let value = reference.opposite_next(motion.apply(part.to_world(patch.at)), last)?.signed;
         Ok((value.abs() > within).then_some((value, None)))
     };
     let mut sides = [Vec::new(), Vec::new()];

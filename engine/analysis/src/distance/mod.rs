@@ -11,6 +11,7 @@
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
 //! | `sides` | inside or outside, by samples |
+//! | `brick_feet` | distances from all samples of a brick |
 //! | `spilled` | groups in memory or in a file |
 //! | `surface` | all patches |
 //! | `questions` | nearest points, normals, rays, balls |
@@ -38,6 +39,7 @@ mod around;
 mod balls;
 mod band;
 mod boxes;
+mod brick_feet;
 pub mod closing;
 pub mod deviation;
 mod inscribed;
@@ -74,4 +76,4 @@ pub use scalar_ply::ScalarPly;
 pub use sides::Sides;
 pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
 pub use tally::LocalSpread;
-pub use triangles::{Nearest, Triangles};
+pub use triangles::{Nearest, PreviousPlace, Triangles};

@@ -329,13 +329,27 @@ impl Patch {
         Touch { squared, at: on, normal: turned }
     }
 
+    /// The nearest of a few points of the polygon, for places at a centre of curvature or beyond it: there what is perpendicular
+    /// may be farthest.
+    #[cold]
+    fn nearest_of_few(&self, ring: &[[f32; 3]], x0: [f64; 2], z0: f64) -> [f64; 2] {
+        let squared =
+            |x: &[f64; 2]| (x[0] - x0[0]).powi(2) + (x[1] - x0[1]).powi(2) + (self.height(*x).0 - z0).powi(2);
+        let ends = (0..ring.len()).flat_map(|n| {
+            let ([ax, ay, _], [bx, by, _]) = (corner(ring, n), corner(ring, n + 1));
+            [[ax, ay], [0.5 * (ax + bx), 0.5 * (ay + by)]]
+        });
+        let tried = ends.flat_map(|end| [end, end.map(|c| 0.5 * c)]).chain([[0.0; 2], clamped(ring, x0)]);
+        tried.min_by(|a, b| squared(a).total_cmp(&squared(b))).unwrap_or(x0)
+    }
+
     /// Newton's method in the tangent plane, kept within the polygon.
     fn nearest_bent(&self, ring: &[[f32; 3]], x0: [f64; 2], z0: f64) -> (f64, [f64; 2]) {
         let [xx, xy, yy] = self.bend.map(f64::from);
         let cost = |x: [f64; 2], z: f64| (x[0] - x0[0]).powi(2) + (x[1] - x0[1]).powi(2) + (z - z0).powi(2);
         // Where the normals of the quadratic form pass the point, to the first order.
-        let begin = solved([1.0 - z0 * xx, -z0 * xy, 1.0 - z0 * yy], x0).unwrap_or(x0);
-        let mut x = clamped(ring, begin);
+        let begin = solved([1.0 - z0 * xx, -z0 * xy, 1.0 - z0 * yy], x0);
+        let mut x = begin.map_or_else(|| self.nearest_of_few(ring, x0, z0), |begin| clamped(ring, begin));
         let (mut z, mut slope) = self.height(x);
         let mut best = cost(x, z);
         for _ in 0..STEPS {
@@ -493,6 +507,36 @@ mod tests {
             assert!((met.0 - 3.0).abs() < 1e-5);
             assert!(patch.met(&ring, (from, towards), [0.0, 10.0], true).is_none());
         }
+    }
+
+    #[test]
+    fn beyond_centres_of_curvature_the_nearest_point_is_found() {
+        let ring: Vec<[f32; 3]> =
+            vec![[-0.5, -0.6, 0.0], [0.6, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.6, 0.5, 0.0]];
+        let mut worst = 0.0f64;
+        for n in 0..2000u64 {
+            let random = |a: u64| crate::lattice::mix(8 * n + a) as f64 / u64::MAX as f64 - 0.5;
+            let bend = [0, 1, 2].map(|a| (1.2 * random(a)) as f32);
+            let (at, normal) = ([0.0; 3], [0.0, 0.0, 1.0]);
+            let patch = Patch { at, normal, bend, radius: 1.5, first: 0, count: 4, shape: Shape::Bent };
+            let from = [3, 4, 5].map(|a| 6.0 * random(a));
+            let [xx, xy, yy] = bend.map(|b| f64::from(b) * from[2]);
+            if solved([1.0 - xx, -xy, 1.0 - yy], [0.0; 2]).is_some() {
+                continue;
+            }
+            let touch = patch.nearest(&ring, from, f64::INFINITY).unwrap();
+            let mut least = f64::INFINITY;
+            for (i, j) in (0..=60).flat_map(|i| (0..=60).map(move |j| (i, j))) {
+                let x = [i, j].map(|c| f64::from(c - 30) / 45.0);
+                if is_left_of_all(&ring, x) {
+                    let z = patch.height(x).0;
+                    least = least
+                        .min((x[0] - from[0]).powi(2) + (x[1] - from[1]).powi(2) + (z - from[2]).powi(2));
+                }
+            }
+            worst = worst.max(touch.squared.sqrt() - least.sqrt());
+        }
+        assert!(worst < 0.15, "{worst}");
     }
 
     #[test]

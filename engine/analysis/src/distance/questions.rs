@@ -1,7 +1,7 @@
 //! What is asked of the patches of a surface: the nearest point, the normal around, where a ray passes, how large a ball is.
 
 use super::around::{AROUND, Around};
-use super::boxes::{Lanes, Normals, Probe, Question, WIDE, reciprocals};
+use super::boxes::{Block, Lanes, Normals, Probe, Question, WIDE, reciprocals};
 use super::patch::{Patch, Shape, Touch};
 use super::piece::Piece;
 use super::surface::{BallAt, Foot, Place};
@@ -64,6 +64,38 @@ impl<Q: PatchQuestion> Question for OfPiece<'_, Q> {
 /// A limit in 32 bits that excludes nothing.
 fn limit(most: f64) -> f32 {
     (most as f32).next_up()
+}
+
+/// The pieces whose boxes meet a block, in order.
+pub(super) struct PiecesIn {
+    block: Block,
+    found: Vec<usize>,
+}
+
+impl PiecesIn {
+    pub fn new(block: Block) -> PiecesIn {
+        PiecesIn { block, found: Vec::new() }
+    }
+
+    pub fn found(mut self) -> Vec<usize> {
+        self.found.sort_unstable();
+        self.found
+    }
+}
+
+impl Question for PiecesIn {
+    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
+        boxes.meeting(&self.block).map(|meets| if meets { 0.0 } else { f32::INFINITY })
+    }
+
+    fn counts(&self, _: f32) -> bool {
+        true
+    }
+
+    fn visit(&mut self, piece: usize) -> Result<()> {
+        self.found.push(piece);
+        Ok(())
+    }
 }
 
 /// The nearest point.

@@ -1,9 +1,9 @@
 //! The surface of a store as patches, found by place: nearest points, rays, and balls that touch it.
 
-use super::boxes::{Boxes, Lanes, Normals, Question, WIDE};
+use super::boxes::{Block, Boxes, Lanes, Normals, Question, WIDE};
 use super::patch::Patch;
 use super::piece::Piece;
-use super::questions::{Ball, NearestQuery, NormalAround, OfPiece, PatchQuestion, RayQuery};
+use super::questions::{Ball, NearestQuery, NormalAround, OfPiece, PatchQuestion, PiecesIn, RayQuery};
 use super::spilled::Spilled;
 use crate::contour::{Bend, edge_facets};
 use crate::error::{Error, Result};
@@ -124,6 +124,13 @@ impl Surface {
     /// Calls `each` with a piece.
     pub(super) fn with<R>(&self, leaf: usize, each: impl FnOnce(&Piece) -> Result<R>) -> Result<R> {
         self.pieces.with(leaf, each)
+    }
+
+    /// Leaves whose patches may meet a block of cells, in Morton order.
+    pub(super) fn pieces_in(&self, block: Block) -> Result<Vec<usize>> {
+        let mut pieces = PiecesIn::new(block);
+        self.boxes.search(&mut pieces)?;
+        Ok(pieces.found())
     }
 
     /// Asks all patches, those in near boxes first.

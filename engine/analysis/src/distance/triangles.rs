@@ -19,6 +19,8 @@ const GROUP: usize = 2048;
 const TIE: f64 = 1e-9;
 /// A ray that passes so near to an edge, in parts of the triangle, asks another one.
 const EDGE: f64 = 1e-9;
+/// The winding number of a place is remembered that is farther than such a part of the size from the surface.
+const CLEAR: f64 = 1e-6;
 /// Directions of rays, none along anything that people draw.
 const RAYS: [[f64; 3]; 6] = [
     [0.577_129, 0.577_811, 0.577_110],
@@ -75,6 +77,30 @@ pub struct Nearest {
     pub normal: [f64; 3],
     /// How far it is.
     pub distance: f64,
+}
+
+/// What was found at the places before, which tells much of a place nearby.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PreviousPlace {
+    /// The last place, and how far the nearest point was.
+    foot: Option<([f64; 3], f64)>,
+    /// The last place off the surface, and its winding number.
+    winding: Option<([f64; 3], i32)>,
+}
+
+impl PreviousPlace {
+    /// How far the nearest point of a place is at most.
+    pub(super) fn reach(&self, from: [f64; 3]) -> f64 {
+        self.foot.map_or(f64::INFINITY, |(place, distance)| {
+            let way = minus(from, place);
+            distance + dot(way, way).sqrt()
+        })
+    }
+
+    /// Keeps how far the nearest point was.
+    pub(super) fn keep(&mut self, from: [f64; 3], distance: f64) {
+        self.foot = Some((from, distance));
+    }
 }
 
 impl Triangles {
@@ -157,34 +183,60 @@ impl Triangles {
     /// # Errors
     /// What reading the file gives.
     pub fn nearest(&self, from: [f64; 3]) -> Result<Nearest> {
+        self.nearest_within(from, f64::INFINITY)
+    }
+
+    /// The nearest point, which is known to be nearer than `most`.
+    fn nearest_within(&self, from: [f64; 3], most: f64) -> Result<Nearest> {
         let best = Nearest { at: [0.0; 3], normal: [0.0; 3], distance: f64::INFINITY };
-        let mut near = NearestOf { from, within: f64::INFINITY, aligned: -1.0, best };
+        let mut near = NearestOf { from, within: most * most, aligned: -1.0, best };
         self.ask(&mut near, from)?;
         Ok(near.best)
     }
 
     /// The distance from the mesh, below 0 inside: where w ≥ 1 of a closed one, else behind the nearest triangle. With the
-    /// nearest point.
+    /// nearest point. What was found at the place before, which should be near, makes the search short.
     ///
     /// # Errors
     /// What reading the file gives.
-    pub fn signed(&self, from: [f64; 3]) -> Result<(f64, Nearest)> {
-        let nearest = self.nearest(from)?;
-        let mut winding = None;
-        for ray in RAYS.iter().filter(|_| self.is_closed) {
-            winding = self.winding(from, *ray)?;
-            if winding.is_some() {
-                break;
-            }
+    pub fn signed(&self, from: [f64; 3], last: &mut PreviousPlace) -> Result<(f64, Nearest)> {
+        let mut nearest = self.nearest_within(from, last.reach(from) * (1.0 + TIE))?;
+        if nearest.distance == f64::INFINITY {
+            nearest = self.nearest(from)?;
         }
+        let winding = if self.is_closed { self.winding(from, last.winding)? } else { None };
         let behind = || dot(minus(from, nearest.at), nearest.normal) < 0.0;
         let inside = winding.map_or_else(behind, |w| w >= 1);
+        last.keep(from, nearest.distance);
+        if let Some(winding) = winding.filter(|_| nearest.distance > CLEAR * f64::from(self.boxes.size())) {
+            last.winding = Some((from, winding));
+        }
         Ok((if inside { -nearest.distance } else { nearest.distance }, nearest))
     }
 
-    /// The winding number by the triangles that a ray passes; `None` if it passes an edge.
-    fn winding(&self, from: [f64; 3], toward: [f64; 3]) -> Result<Option<i32>> {
-        let mut passed = Passed { from, toward, over: reciprocals(toward), count: Some(0) };
+    /// The winding number: that of a place where it is known and what is passed on the way there, else what a ray passes.
+    /// `None` if all of them pass edges.
+    fn winding(&self, from: [f64; 3], known: Option<([f64; 3], i32)>) -> Result<Option<i32>> {
+        if let Some((place, winding)) = known {
+            let way = minus(place, from);
+            let length = dot(way, way).sqrt();
+            let toward = way.map(|c| c / length.max(f64::MIN_POSITIVE));
+            if let Some(passed) = self.passed(from, toward, length)? {
+                return Ok(Some(winding + passed));
+            }
+        }
+        for ray in RAYS {
+            if let Some(winding) = self.passed(from, ray, f64::INFINITY)? {
+                return Ok(Some(winding));
+            }
+        }
+        Ok(None)
+    }
+
+    /// By how much the winding number of a place exceeds that at the end of a way, whose triangles are counted; `None` if it
+    /// passes an edge.
+    fn passed(&self, from: [f64; 3], toward: [f64; 3], length: f64) -> Result<Option<i32>> {
+        let mut passed = Passed { from, toward, length, over: reciprocals(toward), count: Some(0) };
         self.ask(&mut passed, from)?;
         Ok(passed.count)
     }
@@ -341,10 +393,11 @@ impl TriangleQuestion for NearestOf {
     }
 }
 
-/// The winding number by the triangles that a ray passes; `None` if it passes an edge.
+/// The winding number less that at the end of a way, by the triangles that it passes; `None` if it passes an edge.
 struct Passed {
     from: [f64; 3],
     toward: [f64; 3],
+    length: f64,
     over: [f32; 3],
     count: Option<i32>,
 }
@@ -352,7 +405,7 @@ struct Passed {
 impl TriangleQuestion for Passed {
     #[inline]
     fn nearness(&self, boxes: &Lanes, probe: &Probe) -> [f32; WIDE] {
-        boxes.entered(probe, self.over, f32::INFINITY)
+        boxes.entered(probe, self.over, (self.length as f32).next_up())
     }
 
     #[inline]
@@ -362,12 +415,13 @@ impl TriangleQuestion for Passed {
 
     fn visit(&mut self, corners: &FacetCorners) {
         let corners = corners.map(|c| c.map(f64::from));
-        self.count = self.count.and_then(|w| Some(w + passed(self.from, self.toward, corners)?));
+        self.count =
+            self.count.and_then(|w| Some(w + passed(self.from, (self.toward, self.length), corners)?));
     }
 }
 
-/// What a triangle adds to the winding number; `None` if the ray passes one of its edges or along it.
-fn passed(from: [f64; 3], toward: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Option<i32> {
+/// What a triangle adds to the winding number; `None` if the way passes one of its edges or along it.
+fn passed(from: [f64; 3], (toward, length): ([f64; 3], f64), [a, b, c]: [[f64; 3]; 3]) -> Option<i32> {
     let (ab, ac) = (minus(b, a), minus(c, a));
     let q = cross(toward, ac);
     let turn = dot(ab, q);
@@ -384,7 +438,7 @@ fn passed(from: [f64; 3], toward: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Option<
     let v = dot(toward, r) / turn;
     let least = u.min(v).min(1.0 - u - v);
     let along = dot(ac, r) / turn;
-    if least < -EDGE || along < 0.0 {
+    if least < -EDGE || along < 0.0 || along > length {
         return Some(0);
     }
     if least < EDGE {
@@ -440,11 +494,34 @@ mod tests {
             ([1.5, 1.5, 1.25], -0.25),
             ([3.5, 3.5, 3.5], 0.75f64.sqrt()),
         ] {
-            let signed = triangles.signed(p).unwrap();
+            let signed = triangles.signed(p, &mut PreviousPlace::default()).unwrap();
             assert!((signed.0 - expected).abs() < 1e-9, "{p:?} {signed:?}");
         }
         facets.pop();
         assert!(!Triangles::new(&[&facets], held, &Silent).unwrap().is_closed());
+    }
+
+    #[test]
+    fn places_before_change_no_sign() {
+        let mut facets = cube(0.0, 2.0);
+        (0..12).for_each(|n| facets.extend(cube(0.25 * f64::from(n), 1.5)));
+        let triangles = Triangles::new(&[&facets], (1 << 20, Path::new(".")), &Silent).unwrap();
+        let mut last = PreviousPlace::default();
+        let mut inside = 0;
+        for n in 0..4000u64 {
+            let random = |a: u64| (mix(3 * n + a) >> 11) as f64 / (1u64 << 53) as f64;
+            // A walk through all of it; now and then on the lattice, where faces and edges are.
+            let step = 0.1 * (n % 64) as f64 - 1.0;
+            let mut p = [0, 1, 2].map(|a| step + random(a));
+            if n % 5 == 0 {
+                p = p.map(|c| (c * 4.0).round() * 0.25);
+            }
+            let (a, b) = (triangles.signed(p, &mut last), triangles.signed(p, &mut PreviousPlace::default()));
+            let (a, b) = (a.unwrap().0, b.unwrap().0);
+            assert!((a - b).abs() < 1e-9 || a == -b && b.abs() < 1e-9, "{p:?} {a} {b}");
+            inside += usize::from(a < 0.0);
+        }
+        assert!((800..3200).contains(&inside), "{inside}");
     }
 
     #[test]
@@ -473,9 +550,13 @@ mod tests {
             let some = Triangles::new(&[&facets], (memory, folder.path()), &Silent).unwrap();
             assert_eq!(some.groups.len(), all.groups.len());
             assert_eq!(some.samples(700).unwrap(), all.samples(700).unwrap());
+            let mut last = PreviousPlace::default();
             for n in 0..300 {
                 let p = facet(77_777 + n)[0].map(|c| 1.2 * c - 2.0);
-                let (a, b) = (some.signed(p).unwrap(), all.signed(p).unwrap());
+                let (a, b) = (
+                    some.signed(p, &mut last).unwrap(),
+                    all.signed(p, &mut PreviousPlace::default()).unwrap(),
+                );
                 assert_eq!((a.0, a.1.at, a.1.normal), (b.0, b.1.at, b.1.normal));
             }
         }

@@ -1,0 +1,227 @@
+//! How far the surface is from the samples of a brick, all at once: patch by patch instead of sample by sample.
+//!
+//! First each crossing bounds the distances of the samples around it from above. Then each patch is asked from the samples whose
+//! bound it may improve. So a patch is found once, and not once for each sample.
+
+use super::boxes::{Block, block_of};
+use super::piece::Piece;
+use super::surface::Surface;
+use crate::brick::point_position;
+use crate::error::Result;
+use crate::lattice::BRICK_POINTS;
+
+/// More than what rounding to 32 bits makes of distances within a brick, in cells.
+const ROUNDED: f32 = 2e-3;
+/// Samples of a row, and of a layer.
+const ROW: usize = BRICK_POINTS;
+const LAYER: usize = ROW * ROW;
+
+/// Samples of a brick, and how far the surface is from them. Lengths are in cells of the deepest level.
+pub(super) struct BrickFeet {
+    /// The first sample.
+    first: [f64; 3],
+    /// Cells between two samples.
+    step: f64,
+    /// No distance is larger.
+    reach: f64,
+    /// Bounds of distances from above.
+    within: Vec<f32>,
+    /// Squares of distances, infinite where no patch was asked or near enough.
+    squares: Vec<f64>,
+}
+
+/// The samples of a row around a crossing, and where the row stands.
+struct NearRow {
+    samples: std::ops::Range<usize>,
+    /// The first one's way from the crossing along the row, and the square of the way to the row.
+    along: f32,
+    beside: f32,
+}
+
+impl BrickFeet {
+    /// Asks all patches within `reach` of the samples of the brick whose first sample stands there.
+    ///
+    /// # Errors
+    /// What reading the surface gives.
+    pub fn new(surface: &Surface, first: [f64; 3], step: f64, reach: f64) -> Result<BrickFeet> {
+        let count = LAYER * ROW;
+        let (within, squares) = (vec![reach as f32; count], vec![f64::INFINITY; count]);
+        let mut feet = BrickFeet { first, step, reach, within, squares };
+        let pieces = surface.pieces_in(feet.block())?;
+        for &leaf in &pieces {
+            surface.with(leaf, |piece| {
+                feet.bound(piece);
+                Ok(())
+            })?;
+        }
+        for &leaf in &pieces {
+            surface.with(leaf, |piece| {
+                feet.visit(piece);
+                Ok(())
+            })?;
+        }
+        feet.ask_again(surface)?;
+        Ok(feet)
+    }
+
+    /// Asks from samples by themselves whose bound no patch confirmed: of patches that are bent much the nearest point may be
+    /// missed.
+    fn ask_again(&mut self, surface: &Surface) -> Result<()> {
+        for sample in 0..self.squares.len() {
+            if self.squares[sample] == f64::INFINITY && f64::from(self.within[sample]) < self.reach - 0.01 {
+                let ijk = point_position(sample);
+                let at = std::array::from_fn(|a| self.first[a] + self.step * ijk[a] as f64);
+                if let Some(foot) = surface.closest(at, self.reach)? {
+                    self.squares[sample] = foot.distance * foot.distance;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The distance of a sample, if it is at most the reach.
+    pub fn distance(&self, sample: usize) -> Option<f64> {
+        let distance = self.squares[sample].max(0.0).sqrt();
+        (distance <= self.reach).then_some(distance)
+    }
+
+    /// What may hold patches that count.
+    fn block(&self) -> Block {
+        let size = self.step * (ROW - 1) as f64;
+        block_of([0.0, 1.0].map(|end| self.first.map(|c| c + end * size)).into_iter(), self.reach)
+    }
+
+    /// Shows rows of samples within so many cells of a place, which is counted from the first sample.
+    fn rows(&self, at: [f64; 3], reach: f64, mut each: impl FnMut(NearRow, [usize; 2])) {
+        let last = (ROW - 1) as f64;
+        let range = |c: f64, reach: f64| {
+            let [low, high] = [((c - reach) / self.step).max(0.0), (c + reach) / self.step];
+            let below = low as usize;
+            let first = below + usize::from((below as f64) < low);
+            (first, if high < 0.0 { 0 } else { high.min(last) as usize + 1 })
+        };
+        let (ranges, square) = (at.map(|c| range(c, reach)), reach * reach);
+        for k in ranges[2].0..ranges[2].1 {
+            let z = k as f64 * self.step - at[2];
+            for j in ranges[1].0..ranges[1].1 {
+                let y = j as f64 * self.step - at[1];
+                let beside = y * y + z * z;
+                if beside > square {
+                    continue;
+                }
+                let (low, high) = range(at[0], (square - beside).sqrt());
+                if low < high {
+                    let along = (low as f64 * self.step - at[0]) as f32;
+                    let row = k * LAYER + j * ROW;
+                    let samples = row + low..row + high;
+                    each(NearRow { samples, along, beside: beside as f32 }, [j, k]);
+                }
+            }
+        }
+    }
+
+    /// Bounds distances by the crossings of a piece.
+    fn bound(&mut self, piece: &Piece) {
+        let base: [f64; 3] = std::array::from_fn(|a| piece.base[a] - self.first[a]);
+        let step = self.step as f32;
+        let mut within = std::mem::take(&mut self.within);
+        for patch in &piece.patches {
+            let at = std::array::from_fn(|a| f64::from(patch.at[a]) + base[a]);
+            // Polygons that no cell resolves may leave their crossing outside.
+            let touch = patch.nearest(&piece.rings, patch.at.map(f64::from), f64::INFINITY);
+            let off = touch.map_or(f32::INFINITY, |touch| touch.squared.sqrt() as f32) + ROUNDED;
+            self.rows(at, self.reach, |row, _| {
+                let mut along = row.along;
+                for within in &mut within[row.samples] {
+                    let distance = (along * along + row.beside).sqrt() + off;
+                    *within = if distance < *within { distance } else { *within };
+                    along += step;
+                }
+            });
+        }
+        self.within = within;
+    }
+
+    /// Asks the patches of a piece from the samples that they may be nearest to.
+    fn visit(&mut self, piece: &Piece) {
+        let base: [f64; 3] = std::array::from_fn(|a| piece.base[a] - self.first[a]);
+        let step = self.step as f32;
+        let (mut within, mut squares) = (std::mem::take(&mut self.within), std::mem::take(&mut self.squares));
+        for patch in &piece.patches {
+            let at = std::array::from_fn(|a| f64::from(patch.at[a]) + base[a]);
+            let radius = patch.radius + ROUNDED;
+            self.rows(at, self.reach + f64::from(radius), |row, [j, k]| {
+                let mut along = row.along;
+                for sample in row.samples {
+                    let reach = within[sample] + radius;
+                    let square = along * along + row.beside;
+                    along += step;
+                    if square > reach * reach {
+                        continue;
+                    }
+                    let ijk = [sample % ROW, j, k];
+                    let from = std::array::from_fn(|a| ijk[a] as f64 * self.step - base[a]);
+                    let most = f64::from(within[sample]);
+                    if let Some(touch) = patch.nearest(&piece.rings, from, most * most)
+                        && touch.squared < squares[sample]
+                    {
+                        squares[sample] = touch.squared;
+                        within[sample] = within[sample].min(touch.squared.max(0.0).sqrt() as f32 + ROUNDED);
+                    }
+                }
+            });
+        }
+        (self.within, self.squares) = (within, squares);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::distance::tests::{boxed, surface, tree};
+    use crate::lattice::minus;
+
+    #[test]
+    fn distances_are_those_of_a_search_of_all_patches() {
+        // A turned box with waves of a few cells, which leave patches rough.
+        let within = boxed([14.0, 11.0, 9.0]);
+        let wave = |p: [f64; 3]| p.map(|c| (1.9 * c).sin()).iter().product::<f64>();
+        let shape = move |p: [f64; 3]| within(p) + 0.9 * wave(p);
+        let surface = surface(&tree(&shape));
+        for (first, step, reach) in
+            [([0.0; 3], 1.0, 3.1), ([32.0, 0.0, 32.0], 1.0, 5.0), ([0.0; 3], 2.0, 6.1)]
+        {
+            let feet = BrickFeet::new(&surface, first, step, reach).unwrap();
+            let mut near = 0;
+            for sample in (0..LAYER * ROW).step_by(61) {
+                let ijk = point_position(sample);
+                let at: [f64; 3] = std::array::from_fn(|a| first[a] + step * ijk[a] as f64);
+                let mut least = f64::INFINITY;
+                for leaf in 0..surface.leaves().len() {
+                    let ask = |piece: &Piece| {
+                        let from = minus(at, piece.base);
+                        for patch in &piece.patches {
+                            let touch = patch.nearest(&piece.rings, from, f64::INFINITY);
+                            least = least.min(touch.map_or(f64::INFINITY, |touch| touch.squared));
+                        }
+                        Ok(())
+                    };
+                    surface.with(leaf, ask).unwrap();
+                }
+                let (least, found) = (least.max(0.0).sqrt(), feet.distance(sample));
+                let closest = surface.closest(at, f64::INFINITY).unwrap().unwrap().distance;
+                assert!(
+                    (closest - least).abs() < 1e-5 * least.max(1.0),
+                    "{ijk:?}: {closest} instead of {least}"
+                );
+                if least <= reach {
+                    assert!((found.unwrap() - least).abs() < 1e-9, "{ijk:?}: {found:?} instead of {least}");
+                    near += 1;
+                } else {
+                    assert_eq!(found, None);
+                }
+            }
+            assert!(near > 50, "{near}");
+        }
+    }
+}
