@@ -289,11 +289,14 @@ impl Voids {
         let pores = self.pores.as_ref();
         let Boundaries { voids: points, outer, around } =
             boundaries(store, labelling, &is_void, pores, tracer.as_ref(), most, progress)?;
-        if let Some(tracer) = &tracer {
-            let trace = |component: usize| Trace::of(around.get(&component)?, tracer);
-            self.voids.iter_mut().for_each(|void| void.trace = trace(void.component));
-        }
         let is_sparse = tracer.as_ref().is_some_and(|tracer| has_sparse_infill(around.values(), tracer));
+        if let Some(tracer) = &tracer {
+            for void in &mut self.voids {
+                if let Some(around) = around.get(&void.component) {
+                    void.trace = Trace::of(around, tracer, is_sparse)?;
+                }
+            }
+        }
         if let Some(cad) = options.cad {
             let shares = cad_shares(store, cad, labelling, &is_void, progress)?;
             self.voids.iter_mut().for_each(|void| void.cad_share = shares.get(&void.component).copied());

@@ -33,6 +33,7 @@ mod components;
 mod covered;
 mod enclosing_ball;
 mod find;
+mod gaps;
 mod labelling;
 mod labels;
 mod matter;

@@ -6,7 +6,8 @@
 
 use super::boundary::VoidCrossing;
 use super::class::may_be_sparse;
-use crate::analysis::solids_of;
+use super::gaps::gaps;
+use crate::analysis::{leaf_at, solids_of};
 use crate::brick::Count;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Units};
@@ -33,6 +34,11 @@ impl<'a> Tracer<'a> {
         let Some(tables) = store.bead_tables()? else { return Ok(None) };
         let solids = solids_of(store, &tables)?;
         Ok(Some(Tracer { store, tables, solids }))
+    }
+
+    /// The leaf at a place, in lattice units; `None` outside of the root.
+    pub(super) fn leaf_at(&self, at: [f64; 3]) -> Option<NodeKey> {
+        leaf_at(self.store, at.map(|c| c - 1.0))
     }
 
     /// The tables of beads.
@@ -62,7 +68,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Width of a segment's section, in lattice units.
-    fn width(&self, segment: &BeadSegment) -> f64 {
+    pub(super) fn width(&self, segment: &BeadSegment) -> f64 {
         2.0 * self.tables.sections[segment.section as usize].half_width
     }
 }
@@ -100,6 +106,16 @@ impl Segments {
         }
         best.map(|(_, segment)| segment)
     }
+
+    /// Whether a place, in lattice units, lies within one of the solids.
+    pub fn cover(&self, at: [f64; 3]) -> bool {
+        self.0.iter().any(|Listed { segment, body, bounds }| {
+            let is_near = (0..3).all(|a| (f64::from(bounds.0[a])..=f64::from(bounds.1[a])).contains(&at[a]));
+            let from_begin = [0, 1, 2].map(|a| at[a] - f64::from(segment.a[a]));
+            let holds = |(low, high): (f64, f64)| (low..=high).contains(&from_begin[0]);
+            is_near && body.line(0, from_begin).is_some_and(holds)
+        })
+    }
 }
 
 /// The segments around a void, with what of its surface is theirs.
@@ -127,6 +143,11 @@ impl SurroundingSegments {
         if (segment.a, segment.b) < (entry.1.a, entry.1.b) {
             entry.1 = segment;
         }
+    }
+
+    /// The first segment of each line.
+    pub fn segments(&self) -> impl Iterator<Item = &BeadSegment> {
+        self.segments.values().map(|(_, segment)| segment)
     }
 
     pub fn join(&mut self, other: SurroundingSegments) {
@@ -161,8 +182,8 @@ pub struct Trace {
     pub features: Vec<(String, f64)>,
     /// Beads around.
     pub beads: usize,
-    /// Lines that follow each other in order, both at the void and farther apart than they are wide: what may be missing lies
-    /// between.
+    /// Lines that face each other across the void, farther apart than they are wide: what may be missing lies between. The
+    /// largest gap comes first.
     pub missing: Vec<(u64, u64)>,
     /// The share of the surface that belongs to no bead of the record.
     pub unknown: f64,
@@ -171,10 +192,18 @@ pub struct Trace {
 }
 
 impl Trace {
-    pub(super) fn of(around: &SurroundingSegments, tracer: &Tracer<'_>) -> Option<Trace> {
+    /// Of what is around a void; `is_sparse` as [`has_sparse_infill`] has it.
+    ///
+    /// # Errors
+    /// What reading the store gives.
+    pub(super) fn of(
+        around: &SurroundingSegments,
+        tracer: &Tracer<'_>,
+        is_sparse: bool,
+    ) -> Result<Option<Trace>> {
         let total: u128 = around.segments.values().map(|(share, _)| share).sum::<u128>() + around.unknown;
         if around.segments.is_empty() || total == 0 {
-            return None;
+            return Ok(None);
         }
         let tables = tracer.tables();
         let mut lines: BTreeMap<(u32, (u64, u64)), (u32, u128)> = BTreeMap::new();
@@ -202,18 +231,24 @@ impl Trace {
             .into_iter()
             .map(|(f, share)| (tables.features[usize::from(f)].clone(), part(share)))
             .collect();
-        trace.missing = missing(around, tracer);
-        let is_beside = |lines: (u64, u64)| {
-            trace.missing.iter().any(|pair| [pair.0, pair.1].iter().any(|l| lines.0 <= *l && *l <= lines.1))
+        trace.missing = gaps(around, tracer, is_sparse)?;
+        let mut first_gap: BTreeMap<u64, usize> = BTreeMap::new();
+        for (n, pair) in trace.missing.iter().enumerate() {
+            for line in [pair.0, pair.1] {
+                first_gap.entry(line).or_insert(n);
+            }
+        }
+        let beside = |lines: (u64, u64)| {
+            first_gap.range(lines.0..=lines.1).map(|(_, n)| *n).min().unwrap_or(usize::MAX)
         };
         let mut lines: Vec<_> = lines.into_iter().collect();
         lines.sort_by_key(|&((source, lines), (_, share))| {
-            (!is_beside(lines), std::cmp::Reverse(share), source, lines)
+            (beside(lines), std::cmp::Reverse(share), source, lines)
         });
         let line =
             |((source, lines), (layer, share))| TracedLine { source, lines, layer, share: part(share) };
         trace.lines = lines.into_iter().map(line).collect();
-        Some(trace)
+        Ok(Some(trace))
     }
 }
 
@@ -244,53 +279,6 @@ pub(super) fn has_sparse_infill<'b>(
     }
     distances.sort_unstable_by(f64::total_cmp);
     distances.get(distances.len() / 2).is_some_and(|median| *median > SPARSE)
-}
-
-/// Pairs of lines that follow each other around the void, in one layer, whose centre lines are farther apart than wide. Lines of
-/// a raster follow each other with turns between them, so each is also compared with the next one that runs along it.
-fn missing(around: &SurroundingSegments, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
-    /// Lines laid at their width stand a little nearer than that; one missing between makes it twice.
-    const APART: f64 = 1.25;
-    /// Lines farther apart than this are on two sides of the part, as those of a loop, and not of a line that is missing.
-    const FAR: f64 = 3.5;
-    /// Lines at the void after a line, and those of the program, among which the next one that runs along it is sought.
-    const AHEAD: usize = 12;
-    const LINES: u64 = 32;
-    let tables = tracer.tables();
-    let mut pairs = Vec::new();
-    let entries: Vec<&(u128, BeadSegment)> = around.segments.values().collect();
-    for (n, (_, one)) in entries.iter().enumerate().filter(|(_, (_, one))| one.line > 0) {
-        let layer = |s: &BeadSegment| {
-            let bead = tables.beads[tables.bead_of(s.pass).0 as usize];
-            (bead.source, bead.layer)
-        };
-        let after = entries[n + 1..].iter().map(|(_, other)| other).take(AHEAD);
-        let mut after =
-            after.take_while(|other| layer(other) == layer(one) && other.line.abs_diff(one.line) <= LINES);
-        let next = after.clone().next();
-        let beside = after.find(|other| runs_along(one, other, tracer));
-        for other in next.into_iter().chain(beside) {
-            let width = tracer.width(one).max(tracer.width(other));
-            if (APART * width..FAR * width).contains(&apart(one, other)) {
-                pairs.push((one.line, other.line));
-            }
-        }
-    }
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs
-}
-
-/// Whether two segments are longer than wide and almost parallel, either way round.
-fn runs_along(one: &BeadSegment, other: &BeadSegment, tracer: &Tracer<'_>) -> bool {
-    /// Of the angle between them.
-    const COSINE: f64 = 0.9;
-    let along = |s: &BeadSegment| [0, 1, 2].map(|a| f64::from(s.b[a] - s.a[a]));
-    let dot = |p: [f64; 3], q: [f64; 3]| (0..3).map(|a| p[a] * q[a]).sum::<f64>();
-    let (p, q) = (along(one), along(other));
-    let lengths = [dot(p, p).sqrt(), dot(q, q).sqrt()];
-    let is_long = lengths.iter().zip([one, other]).all(|(length, s)| *length > 2.0 * tracer.width(s));
-    is_long && dot(p, q).abs() > COSINE * lengths[0] * lengths[1]
 }
 
 /// The least distance of two segments' centre lines.
