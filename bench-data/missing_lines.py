@@ -4,7 +4,7 @@
     python3 bench-data/missing_lines.py --program target/release/brickfield --trials 67 TOOLPATH.gcode ...
 
 Lines are drawn with a fixed seed among those of solid infill and of inner perimeters. A trial is a line that others
-enclose: they lie on both sides, below and above; without it there is a channel as large as a bead. What others would leave opens to the
+enclose: they lie on both sides, before both ends, below and above; without it there is a channel as large as a bead. What others would leave opens to the
 outside or to cells of sparse infill: these are counted as drawn. Only what lies near the line is built: some layers, and the moves within a few millimetres of it; all
 others become travels. Needs numpy. Prints a table; exit status 1 if a void is not found or not traced.
 """
@@ -81,6 +81,15 @@ def beside(move, layer):
                 faced[side] = True
         covered = [c + f for c, f in zip(covered, faced)]
     return sides, min(covered) / len(places)
+
+
+def walled(move, layer):
+    """Whether lines lie before both ends of a move: else its channel is open along its whole width."""
+    a, b = np.array(move.start), np.array(move.end)
+    along = (b - a) / np.linalg.norm(b - a)
+    before = [a - 0.75 * move.width * along, b + 0.75 * move.width * along]
+    return all(any(away(place, other)[0] < 0.5 * other.width for other in layer if other.line != move.line)
+               for place in before)
 
 
 def covered(move, layer):
@@ -193,7 +202,7 @@ def main():
             gone = lines[n]
             drawn[gone.feature] += 1
             sides, share = beside(gone, layers[gone.layer])
-            if share < 0.9 or any(covered(gone, layers[gone.layer + up]) < 0.95 for up in (-1, 1)):
+            if share < 0.9 or not walled(gone, layers[gone.layer]) or any(covered(gone, layers[gone.layer + up]) < 0.95 for up in (-1, 1)):
                 continue
             with tempfile.TemporaryDirectory() as folder:
                 folder = args.keep or pathlib.Path(folder)

@@ -4,18 +4,26 @@ use super::*;
 use crate::error::Result;
 use std::collections::BTreeMap;
 
-fn read_text(text: &str) -> Result<Program> {
-    let file = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(file.path(), text).unwrap();
-    let tool = Some("flat:6mm".parse().unwrap());
-    read(file.path(), &ProgramOptions { tools: BTreeMap::new(), tool, arc_tolerance: 0.01, turn: 0.02 })
+pub(super) fn read_text(text: &str) -> Result<Program> {
+    read_named("p.nc", text.as_bytes())
 }
 
-/// Ends of moves, with R for rapid ones.
-fn ends(text: &str) -> Vec<String> {
+pub(super) fn read_named(name: &str, bytes: &[u8]) -> Result<Program> {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    let tool = Some("flat:6mm".parse().unwrap());
+    read(&path, &ProgramOptions { tools: BTreeMap::new(), tool, arc_tolerance: 0.01, turn: 0.02 })
+}
+
+/// The end of a move, with R if it is a rapid one.
+pub(super) fn told(m: &Move) -> String {
+    format!("{}{:?}", if m.rapid { "R" } else { "" }, m.to.map(|c| (c * 1e3).round() / 1e3))
+}
+
+/// Ends of moves.
+pub(super) fn ends(text: &str) -> Vec<String> {
     let program = read_text(text).unwrap_or_else(|error| panic!("{error}"));
-    let told =
-        |m: &Move| format!("{}{:?}", if m.rapid { "R" } else { "" }, m.to.map(|c| (c * 1e3).round() / 1e3));
     program.moves.iter().map(told).collect()
 }
 
