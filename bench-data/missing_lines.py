@@ -93,8 +93,10 @@ def walled(move, layer):
 
 
 def covered(move, layer):
-    """The share of a move that the lines of another layer cross or cover."""
-    places = [np.array(move.start) + t * (np.array(move.end) - move.start) for t in np.linspace(0.05, 0.95, 19)]
+    """The share of a move, with its round ends, that the lines of another layer cross or cover."""
+    a, b = np.array(move.start), np.array(move.end)
+    end = 0.5 * move.width / np.linalg.norm(b - a)
+    places = [a + t * (b - a) for t in np.linspace(-end, 1 + end, 21)]
     boxes = [(other, *away_box(other)) for other in layer]
     hit = 0
     for here in places:

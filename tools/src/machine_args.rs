@@ -48,6 +48,9 @@ pub struct MachineArgs {
     /// A table of tools in TOML: under [tools] lines such as 3 = "bull:10mm,1mm"
     #[arg(long, value_name = "TOOLS.toml")]
     pub tools: Option<PathBuf>,
+    /// A radius that G41 and G42 correct for: its number D in the program, an equals sign, and what the machine's table holds
+    #[arg(long, value_name = "N=LEN")]
+    pub radius: Vec<NumberedRadius>,
     /// Also write what becomes of each void; the name ends in .csv or .json
     #[arg(long, value_name = "OPENED.csv|.json")]
     pub voids: Option<PathBuf>,
@@ -87,5 +90,22 @@ impl FromStr for NumberedTool {
             _ => (None, text),
         };
         Ok(NumberedTool(number, form.parse()?))
+    }
+}
+
+/// A radius of the machine's table.
+#[derive(Clone, Copy, Debug)]
+pub struct NumberedRadius(pub u32, pub Length);
+
+impl FromStr for NumberedRadius {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<NumberedRadius, String> {
+        let (number, radius) = text
+            .split_once('=')
+            .ok_or_else(|| format!("{text}: expected a number and a radius, as in 3=5mm"))?;
+        let number = number.trim().trim_start_matches(['D', 'd']);
+        let number = number.parse().map_err(|_| format!("{number}: expected the number of a radius"))?;
+        Ok(NumberedRadius(number, radius.trim().parse()?))
     }
 }

@@ -5,7 +5,7 @@ use super::operands::source_of;
 use super::{open_store, require_whole_samples, start, unit_of};
 use crate::failure::Failure;
 use crate::kinds::require_store_name;
-use crate::machine_args::{MachineArgs, NumberedTool};
+use crate::machine_args::{MachineArgs, NumberedRadius, NumberedTool};
 use crate::measured::measured;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
@@ -121,7 +121,12 @@ fn options(args: &MachineArgs, store: &Store, unit: f64) -> Result<ProgramOption
         Some(length) => length.in_unit(crate::units::Unit::Mm),
         None => cell * ARC_CELLS,
     };
-    Ok(ProgramOptions { tools, tool, arc_tolerance: tolerance, turn: TURN })
+    let radii = args
+        .radius
+        .iter()
+        .map(|NumberedRadius(number, of)| (*number, of.in_unit(crate::units::Unit::Mm)))
+        .collect();
+    Ok(ProgramOptions { tools, tool, radii, arc_tolerance: tolerance, turn: TURN })
 }
 
 /// Tools from a table.

@@ -7,6 +7,9 @@
 mod apt;
 #[cfg(test)]
 mod apt_tests;
+mod compensation;
+#[cfg(test)]
+mod compensation_tests;
 mod cycle;
 mod moves;
 mod program;

@@ -17,6 +17,8 @@ pub struct ProgramOptions {
     pub tools: BTreeMap<u32, Tool>,
     /// The tool of all numbers that have none, and until a number is called.
     pub tool: Option<Tool>,
+    /// Radii in mm that G41 and G42 correct for, by the number D.
+    pub radii: BTreeMap<u32, f64>,
     /// How far chords may deviate from arcs, in mm.
     pub arc_tolerance: f64,
     /// Largest turn of the tool's axis in one step, as the sine of the angle.

@@ -33,7 +33,7 @@ pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
     let mut flow =
         Flow { reader: Reader::new(out), blocks: Blocks::of(&lines), lines: &lines, calls: Vec::new() };
     flow.run()?;
-    flow.reader.out.finished()
+    flow.reader.finished()
 }
 
 /// A word O at the begin of a line.

@@ -73,7 +73,7 @@ fn damaged_programs_are_read_or_told_in_one_line() {
     let programs = [
         (
             "p.nc",
-            "%\nO1 (M)\nG21 G90\nT1 M6\nG0 X0 Y0 Z5\nM98 P2 L3\nG2 X5 Y5 I5 J0 F9\nG81 Z-1 R1\nG80\nM30\nO2\nG91 G1 X1 Z-.1\nG90\nM99\n%\n",
+            "%\nO1 (M)\nG21 G90\nT1 M6\nG0 X0 Y0 Z5\nM98 P2 L3\nG41.1 D2 X1\nY3\nX-4\nG3 X-6 Y5 I0 J2\nG40 X0\nG2 X5 Y5 I5 J0 F9\nG81 Z-1 R1\nG80\nM30\nO2\nG91 G1 X1 Z-.1\nG90\nM99\n%\n",
         ),
         (
             "p.ngc",

@@ -1,7 +1,8 @@
 //! The reader: commands line by line, moves out.
 
+use super::compensation::{Compensation, ContourMove};
 use super::cycle::Cycle;
-use super::moves::{Moves, POSITION_MAX};
+use super::moves::{Moves, POSITION_MAX, Program};
 use super::tool::Tool;
 use crate::error::Result;
 use crate::toolpath::gcode::arc::{Arc, Centre};
@@ -53,8 +54,15 @@ pub(super) struct Reader<'a> {
     /// What G92 has added.
     shift: [f64; 3],
     cycle: Cycle,
-    /// The tool that T has named, and the one in the spindle.
+    /// The tool that T has named.
     next: u32,
+    /// The contour of G41 or G42 that is being read.
+    contour: Option<Compensation>,
+    /// The number that D has named, and radii that the program sets, in mm.
+    register: Option<u32>,
+    radii: BTreeMap<u32, f64>,
+    /// Where the tip is after G40, until the next move leads to a place that is programmed.
+    tip: Option<[f64; 3]>,
 }
 
 /// The words of a line that are not codes.
@@ -87,7 +95,17 @@ impl<'a> Reader<'a> {
             shift: [0.0; 3],
             cycle: Cycle { back_to_start: true, ..Cycle::default() },
             next: 0,
+            contour: None,
+            register: None,
+            radii: BTreeMap::new(),
+            tip: None,
         }
+    }
+
+    /// The program that was read.
+    pub fn finished(mut self) -> Result<Program> {
+        self.end_contour()?;
+        self.out.finished()
     }
 
     /// Carries a line out.
@@ -148,6 +166,12 @@ impl<'a> Reader<'a> {
         if let Some(number) = values.get(b'T') {
             self.next = number as u32;
         }
+        if let Some(number) =
+            values.get(b'D').filter(|_| !codes.iter().any(|(code, _)| matches!(code, 411 | 421)))
+        {
+            self.register = Some(number as u32);
+        }
+        self.require_outside_contour(codes, machine)?;
         if machine.iter().any(|(code, _)| *code == 6) {
             self.out.tool = self.next;
         }
@@ -192,17 +216,15 @@ impl<'a> Reader<'a> {
                 530 => in_machine = true,
                 40 => takes_words = true,
                 // Length of the tool: the tip goes where it is told to. Speeds, ways to round corners, and the like.
-                430 | 434 | 435 | 490 | 400 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150
-                | 690 => {}
+                430 | 434 | 435 | 490 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150 | 690 => {}
                 code if Cycle::begins(code) => {
                     self.motion = Some(Motion::Cycle);
                     if !self.cycle.on {
                         self.cycle = Cycle { on: true, depth: None, retract: None, ..self.cycle };
                     }
                 }
-                410 | 420 => {
-                    return Err(self.out.fault(text, "corrects for the radius of the tool, which is not read: post-process for the tool's centre"));
-                }
+                400 => self.end_contour()?,
+                410 | 420 | 411 | 421 => self.begin_contour(code, values, text)?,
                 650 | 660 | 670 => {
                     let what = "calls a macro, which is not read";
                     return Err(self.out.refused(text, what, "post-process without macros and variables"));
@@ -255,6 +277,99 @@ impl<'a> Reader<'a> {
         Ok(After::Next)
     }
 
+    /// Within a contour only moves and what does not touch coordinates may stand.
+    fn require_outside_contour(&self, codes: &[(i64, &[u8])], machine: &[(i64, &[u8])]) -> Result<()> {
+        let Some(_) = &self.contour else { return Ok(()) };
+        let is_read = |code: i64| matches!(code, 0 | 10 | 20 | 30 | 40 | 170 | 400..=421 | 610 | 611 | 640 | 900..=911 | 930 | 940 | 950);
+        let codes = codes.iter().find(|(code, _)| !is_read(*code));
+        let wrong = codes.or(machine.iter().find(|(code, _)| *code == 6));
+        match wrong {
+            Some((_, text)) => {
+                let what = "stands within a correction for the radius of the tool, where it is not read";
+                Err(self.out.refused(text, what, "end the correction before by G40"))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// G41 and G42, with D, or G41.1 and G42.1, whose D is the diameter.
+    fn begin_contour(&mut self, code: i64, values: &Values, text: &[u8]) -> Result<()> {
+        let radius = match (code, values.get(b'D')) {
+            (411 | 421, Some(diameter)) => diameter * self.unit * 0.5,
+            (411 | 421, None) => return Err(self.out.fault(text, "has no D, the tool's diameter")),
+            _ => {
+                let number = self.register.unwrap_or(self.out.tool);
+                let told = self.out.options.radii.get(&number).or(self.radii.get(&number)).copied();
+                let Some(radius) = told.or((number == 0 && self.register.is_some()).then_some(0.0)) else {
+                    let what = format!("corrects for the radius D{number}, which the program does not tell");
+                    let remedy = format!(
+                        "give what the machine's table holds by `radius` {number}=5mm; 0mm if the path is the centre's already"
+                    );
+                    return Err(self.out.refused(text, &what, &remedy));
+                };
+                radius
+            }
+        };
+        let aside = if matches!(code, 410 | 411) { radius } else { -radius };
+        if self.normal != 2 || self.degrees != [0.0; 3] {
+            return Err(self.out.fault(text, "corrects outside of the plane of G17, which is not read"));
+        }
+        match &self.contour {
+            Some(contour) if contour.aside != aside => Err(self.out.refused(
+                text,
+                "changes side or radius within a contour",
+                "end the correction before by G40",
+            )),
+            Some(_) => Ok(()),
+            None => {
+                self.contour = Some(Compensation::new(aside));
+                Ok(())
+            }
+        }
+    }
+
+    /// A move of a contour; `arc` is its centre from the begin, whether it is clockwise, and full turns before.
+    fn along_contour(
+        &mut self,
+        to: [Option<f64>; 3],
+        degrees: [f64; 3],
+        rapid: bool,
+        arc: Option<([f64; 2], bool, u32)>,
+    ) -> Result<()> {
+        let (Some(from), Some(end)) = (known(self.at), known(to)) else {
+            return Err(self
+                .out
+                .fault(b"G41", "corrects a move from or to a place that the program does not tell"));
+        };
+        if degrees != self.degrees {
+            return Err(self
+                .out
+                .fault(b"A B C", "turn the tool within a correction for its radius, which is not read"));
+        }
+        if let Some(contour) = &mut self.contour {
+            contour.add(ContourMove { line: self.out.line, rapid, from, to: end, arc }, &self.out)?;
+        }
+        self.at = to;
+        Ok(())
+    }
+
+    /// Carries the moves of a contour out.
+    fn end_contour(&mut self) -> Result<()> {
+        let Some(contour) = self.contour.take() else { return Ok(()) };
+        let line = self.out.line;
+        let Some(mut from) = self.tip.take().or(contour.begin()) else { return Ok(()) };
+        for (line, rapid, to) in contour.path(&mut self.out)? {
+            if to != from {
+                self.out.line = line;
+                self.push(from, to, self.degrees, rapid)?;
+                from = to;
+            }
+        }
+        self.out.line = line;
+        self.tip = Some(from);
+        Ok(())
+    }
+
     /// G10 L2 P… sets a work offset.
     fn set_system(&mut self, values: &Values, text: &[u8]) -> Result<()> {
         let number = values.get(b'P').map(|p| p as usize);
@@ -265,6 +380,12 @@ impl<'a> Reader<'a> {
                     if let Some(value) = values.get(*letter) {
                         self.systems[system][a] = value * self.unit;
                     }
+                }
+                Ok(())
+            }
+            (Some(1 | 12), Some(number)) => {
+                if let Some(radius) = values.get(b'R') {
+                    self.radii.insert(number as u32, radius * self.unit);
                 }
                 Ok(())
             }
@@ -284,11 +405,13 @@ impl<'a> Reader<'a> {
 
     /// Home, along the axes that are named, or all: where that is, no program tells.
     fn go_home(&mut self, values: &Values) {
+        self.tip = None;
         if values.any(b"XYZ") { self.forget(values) } else { self.at = [None; 3] }
     }
 
     /// A move in the machine's coordinates, which say nothing of the part.
     fn forget(&mut self, values: &Values) {
+        self.tip = None;
         for (a, letter) in b"XYZ".iter().enumerate() {
             if values.get(*letter).is_some() {
                 self.at[a] = None;
@@ -323,10 +446,16 @@ impl<'a> Reader<'a> {
         };
         let degrees = self.turned(values);
         match motion {
+            Motion::Cycle if self.contour.is_some() => {
+                Err(self.out.fault(b"G81", "drills within a correction for the radius of the tool"))
+            }
             Motion::Cycle => self.drill(values),
             Motion::Arc { clockwise } => self.arc(values, clockwise),
             Motion::Rapid | Motion::Straight => {
                 let to = self.target(values)?;
+                if self.contour.is_some() {
+                    return self.along_contour(to, degrees, motion == Motion::Rapid, None);
+                }
                 self.go(to, degrees, motion == Motion::Rapid)
             }
         }
@@ -345,7 +474,8 @@ impl<'a> Reader<'a> {
 
     /// Goes straight to a place, as far as both ends are known.
     fn go(&mut self, to: [Option<f64>; 3], degrees: [f64; 3], rapid: bool) -> Result<()> {
-        match (known(self.at), known(to)) {
+        let from = self.tip.take().or(known(self.at));
+        match (from, known(to)) {
             (Some(from), Some(to)) => self.push(from, to, degrees, rapid)?,
             _ if rapid => self.out.program.unplaced += 1,
             _ => {
@@ -403,6 +533,14 @@ impl<'a> Reader<'a> {
                 .fault(b"I J K", "are no centre of this arc: its ends are at different distances"));
         }
         let (mut last, degrees) = (from, self.turned(values));
+        if self.contour.is_some() {
+            let centre = arc.centre_offset().map_err(|what| self.out.fault(b"G2", what))?;
+            return self.along_contour(to, degrees, false, Some((centre, clockwise, turns)));
+        }
+        if self.tip.take().is_some_and(|tip| tip != from) {
+            let what = "follows G40, after which a straight move must lead from beside the contour";
+            return Err(self.out.fault(b"G2", what));
+        }
         for (point, part) in chords.inner_points() {
             let mut place = [0.0; 3];
             (place[u], place[v]) = (point[0], point[1]);

@@ -13,7 +13,16 @@ pub(super) fn read_named(name: &str, bytes: &[u8]) -> Result<Program> {
     let path = dir.path().join(name);
     std::fs::write(&path, bytes).unwrap();
     let tool = Some("flat:6mm".parse().unwrap());
-    read(&path, &ProgramOptions { tools: BTreeMap::new(), tool, arc_tolerance: 0.01, turn: 0.02 })
+    read(
+        &path,
+        &ProgramOptions {
+            tools: BTreeMap::new(),
+            tool,
+            radii: BTreeMap::from([(7, 2.0)]),
+            arc_tolerance: 0.01,
+            turn: 0.02,
+        },
+    )
 }
 
 /// The end of a move, with R if it is a rapid one.
@@ -129,7 +138,7 @@ fn what_cannot_be_followed_names_line_and_word() {
     for (text, words) in [
         ("G0 X0 Y0 Z0\nG1 X\n", ["line 2", "\"X\" has no number"]),
         ("G0 X0 Y0 Z0\n\nG1 Xa5\n", ["line 3", "Xa5"]),
-        ("G0 X0 Y0 Z0\nG41 X3\n", ["line 2", "\"G41\" corrects"]),
+        ("G0 X0 Y0 Z0\nG41 X3 D3\n", ["line 2", "\"G41\" corrects for the radius D3"]),
         ("G0 X0 Y0 Z0\nG77 X3\n", ["line 2", "\"G77\" is not read"]),
         ("G1 X0 Y0 Z0\n", ["line 1", "\"G1\" cuts from a place"]),
         ("X3\n", ["line 1", "stand before any"]),
