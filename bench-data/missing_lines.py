@@ -177,7 +177,7 @@ def main():
     parser.add_argument("--program", default="target/release/brickfield")
     parser.add_argument("--trials", type=int, default=20, help="of each toolpath")
     parser.add_argument("--cell", default="0.05mm")
-    parser.add_argument("--closing", default="0.15mm")
+    parser.add_argument("--closing", default="0.25mm")
     parser.add_argument("--least", default="0.1", help="volume of the smallest void, mm³")
     parser.add_argument("--layers", type=int, default=3, help="built below and above")
     parser.add_argument("--below", type=int, default=3, help="layers that must lie below and above")

@@ -12,10 +12,14 @@ use std::str::FromStr;
 /// Take off a part what the tools of a milling program sweep, and tell what that does to its voids
 #[derive(Args)]
 #[command(after_help = "\
-The program is G-code for three axes: G0 to G3 in the planes of G17 to G19, helices, drilling cycles (G73, G81 to G83, G85, \
-G89), work offsets, G43, G92. Positions are the tip's, in the coordinates of the part.
+The program is G-code: G0 to G3 in the planes of G17 to G19, helices, drilling cycles (G73, G81 to G83, G85, G89), work \
+offsets, G43, G92, subprograms in the same file (M98 and M99, or o100 sub and call). Or it is a CL file of APT (.apt, .cls, .ncl): \
+GOTO, GODLTA, FROM, RAPID, CIRCLE, CYCLE, CUTTER, TLDATA, LOADTL, UNITS. Positions are the tip's, in the coordinates of the part.
 
-Words A, B and C turn the head, as in toolpaths; where they change on a move it is cut in steps.
+G41 and G42 correct for a radius that --radius gives by its number D, or G10 or G41.1; 0mm if the path is the centre's already.
+
+Words A, B and C turn the head, as in toolpaths, and axes in GOTO the tool; where these change on a move it is cut in steps. \
+The summary tells how far these are off.
 
 Tools are ball:D, flat:D, bull:D,CORNER, drill:D,ANGLE and chamfer:D,ANGLE,TIP, each with length=L if it does not leave the \
 part. Without --tool comments name them, as in (T1 D=6. CR=3. - ball end mill).
