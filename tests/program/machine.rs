@@ -100,14 +100,14 @@ fn cl_files_subprograms_and_corrected_contours_cut_what_they_say() {
         let skipped = found["skipped_words"].as_object().unwrap();
         assert_eq!(skipped.get("ODDITY").and_then(|n| n.as_u64()), (name == "slot.cls").then_some(1));
     }
-    let program = dir.file("turn.nc", "T1 M6\nG0 X10 Y10 Z30\nG1 Z18\nB8\nG0 Z30\n");
+    let program = dir.file("turn.nc", "T1 M6\nG0 X10 Y10 Z30\nG1 Z18\nB8\nB0\nG0 Z30\n");
     let found = machine(&part, &program, &["1=ball:4mm,length=20mm"], &out, &["--json"]).json();
     // Eight steps of a degree, each a half of one off at most, at 20.1 mm from the tip.
     let expected = 20f64.hypot(2.0) * 0.5f64.to_radians();
     let turn_error = found["turn_error"].as_f64().unwrap();
     assert!((turn_error / expected - 1.0).abs() < 0.01, "{turn_error} {expected}");
     let told = machine(&part, &program, &["1=ball:4mm,length=20mm"], &out, &[]).ok();
-    assert!(told.stdout.contains("steps of a turning tool within 0.17"), "{}", told.stdout);
+    assert!(told.contains("steps of a turning tool within 0.17"), "{}", told);
     let refused = dir.file("refused.nc", "T1 M6\nG0 X1 Y-20 Z15\nG41 D5 G1 X4 Y4\n");
     let line = machine(&part, &refused, &["1=flat:6mm"], &out, &[]).failed();
     assert!(line.contains("refused.nc: line 3: ") && line.contains("--radius 5=5mm"), "{line}");
