@@ -87,17 +87,19 @@ def walled(move, layer):
     """Whether lines lie before both ends of a move: else its channel is open along its whole width."""
     a, b = np.array(move.start), np.array(move.end)
     along = (b - a) / np.linalg.norm(b - a)
-    before = [a - 0.75 * move.width * along, b + 0.75 * move.width * along]
+    aside = np.array([-along[1], along[0]])
+    before = [place + move.width * (0.75 * way * along + side * aside)
+              for place, way in ((a, -1), (b, 1)) for side in (-0.4, 0, 0.4)]
     return all(any(away(place, other)[0] < 0.5 * other.width for other in layer if other.line != move.line)
                for place in before)
 
 
 def covered(move, layer):
-    """The share of a move, with its round ends, that the lines of another layer cross or cover."""
+    """The share of a move, with its round ends, that the lines of another layer cross or cover. Bridges have gaps."""
     a, b = np.array(move.start), np.array(move.end)
     end = 0.5 * move.width / np.linalg.norm(b - a)
     places = [a + t * (b - a) for t in np.linspace(-end, 1 + end, 21)]
-    boxes = [(other, *away_box(other)) for other in layer]
+    boxes = [(other, *away_box(other)) for other in layer if "ridge" not in other.feature]
     hit = 0
     for here in places:
         hit += any((here >= low).all() and (here <= high).all() and away(here, other)[0] < 0.55 * other.width
@@ -179,9 +181,9 @@ def main():
     parser.add_argument("--cell", default="0.05mm")
     parser.add_argument("--closing", default="0.25mm")
     parser.add_argument("--least", default="0.1", help="volume of the smallest void, mm³")
-    parser.add_argument("--layers", type=int, default=3, help="built below and above")
+    parser.add_argument("--layers", type=int, default=2, help="built below and above")
     parser.add_argument("--below", type=int, default=3, help="layers that must lie below and above")
-    parser.add_argument("--around", type=float, default=3.0, help="millimetres around the line that are built")
+    parser.add_argument("--around", type=float, default=2.0, help="millimetres around the line that are built")
     parser.add_argument("--length", type=float, default=4.0)
     parser.add_argument("--features", nargs="*", default=["Solid infill", "Perimeter"])
     parser.add_argument("--seed", type=int, default=5)

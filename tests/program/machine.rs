@@ -81,11 +81,19 @@ fn cl_files_subprograms_and_corrected_contours_cut_what_they_say() {
     let dir = Scratch::new();
     let (part, out) = (block(&dir, "0.2"), dir.path("cut.brf"));
     let cases = [
-        ("slot.cls", "TLDATA/MILL,6.0,0.0,50.0,0.0,0.0\nLOAD/TOOL,2\nODDITY/3\nFROM/-10,10.03,25\nRAPID\nGOTO/-10,10.03,16\nGOTO/30,10.03,$\n16\nFINI\n", 480.0),
+        (
+            "slot.cls",
+            "TLDATA/MILL,6.0,0.0,50.0,0.0,0.0\nLOAD/TOOL,2\nODDITY/3\nFROM/-10,10.03,25\nRAPID\nGOTO/-10,10.03,16\nGOTO/30,10.03,$\n16\nFINI\n",
+            480.0,
+        ),
         ("side.apt", "UNITS/INCHES\nCUTTER/0.25\nFROM/-0.2,0.4,0.4,-1,0,0\nGOTO/0.3,0.4,0.4\n", {
             PI * (0.125f64 * 25.4).powi(2) * 0.3 * 25.4
         }),
-        ("steps.nc", "T1 M6\nG0 X-10 Y10.03 Z18\nM98 P1 L2\nM30\nO1\nG91 G1 Z-2\nX40\nG0 X-40\nG90\nM99\n", 720.0),
+        (
+            "steps.nc",
+            "T1 M6\nG0 X-10 Y10.03 Z18\nM98 P1 L2\nM30\nO1\nG91 G1 Z-2\nX40\nG0 X-40\nG90\nM99\n",
+            720.0,
+        ),
         // A boss of 12 mm is left; the tool reaches all around it.
         ("boss.nc", "T1 M6\nG0 X1 Y-20 Z15\nG41 D4 G1 X4 Y4\nY16\nX16\nY4\nX4\nG40 G0 Y-20\n", 256.0 * 5.0),
     ];

@@ -14,7 +14,9 @@ use std::str::FromStr;
 #[command(after_help = "\
 The program is G-code: G0 to G3 in the planes of G17 to G19, helices, drilling cycles (G73, G81 to G83, G85, G89), work \
 offsets, G43, G92, subprograms in the same file (M98 and M99, or o100 sub and call). Or it is a CL file of APT (.apt, .cls, .ncl): \
-GOTO, GODLTA, FROM, RAPID, CIRCLE, CYCLE, CUTTER, TLDATA, LOADTL, UNITS. Positions are the tip's, in the coordinates of the part.
+GOTO, GODLTA, FROM, RAPID, CIRCLE, CYCLE, CUTTER, TLDATA, LOADTL, UNITS.
+
+Positions are the tip's, in the coordinates of the part.
 
 G41 and G42 correct for a radius that --radius gives by its number D, or G10 or G41.1; 0mm if the path is the centre's already.
 

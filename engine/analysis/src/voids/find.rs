@@ -1,5 +1,6 @@
 //! The voids of a store, one by one.
 
+use super::around::Tracer;
 use super::boundary::{Boundaries, boundaries};
 use super::cad::cad_shares;
 use super::class::{Class, class_of};
@@ -10,7 +11,7 @@ use super::pores::{Pore, Pores, pores};
 use super::sealed::{SealFindings, SubcellField, sealed};
 use super::surface::{FARTHEST_BYTES, VoidSurface, surfaces};
 use super::totals::Total;
-use super::trace::{Trace, Tracer, has_sparse_infill};
+use super::trace::{Trace, has_sparse_infill};
 use crate::error::Result;
 use crate::lattice::RootCube;
 use crate::progress::Progress;

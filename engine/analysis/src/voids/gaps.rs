@@ -4,8 +4,8 @@
 //! gap as wide as their distance less a width, and as long as both run along it. A line that was not laid leaves the largest
 //! one, so gaps are listed by their area.
 
+use super::around::{Segments, SurroundingSegments, Tracer};
 use super::class::may_be_sparse;
-use super::trace::{Segments, SurroundingSegments, Tracer};
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::store::BeadSegment;

@@ -17,13 +17,16 @@
 //! | `covered` | cells that beads cover for certain |
 //! | `slabs` | volumes by layer |
 //! | `totals` | volumes of all together, and the errors of these |
-//! | `trace` | the beads around a void |
+//! | `around` | the beads around a void |
+//! | `gaps` | where a line may be missing |
+//! | `trace` | what is told of both |
 //! | `cad` | what of a void lies within another tree |
 //! | `class` | whether a void is meant to be |
 //! | `find` | all of it |
 //! | `place` | the void at a place |
 //! | `labels` | numbers of voids as a dense grid |
 
+mod around;
 mod border;
 mod boundary;
 mod cad;
