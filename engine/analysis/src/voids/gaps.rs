@@ -5,7 +5,7 @@
 //! one, so gaps are listed by their area.
 
 use super::around::{Segments, SurroundingSegments, Tracer};
-use super::class::may_be_sparse;
+use super::role::may_be_sparse;
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::store::BeadSegment;

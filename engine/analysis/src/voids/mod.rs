@@ -21,6 +21,7 @@
 //! | `gaps` | where a line may be missing |
 //! | `trace` | what is told of both |
 //! | `cad` | what of a void lies within another tree |
+//! | `role` | what features are |
 //! | `class` | whether a void is meant to be |
 //! | `find` | all of it |
 //! | `place` | the void at a place |
@@ -45,6 +46,7 @@ mod outline;
 mod place;
 mod points;
 mod pores;
+mod role;
 mod sealed;
 mod slabs;
 mod surface;

@@ -1,8 +1,8 @@
 //! What is told of the beads around a void: lines, layers, features, and lines that may be missing.
 
 use super::around::{SurroundingSegments, Tracer};
-use super::class::may_be_sparse;
 use super::gaps::gaps;
+use super::role::may_be_sparse;
 use crate::brick::Count;
 use crate::error::Result;
 use crate::lattice::Units;

@@ -10,6 +10,7 @@ mod apt_tests;
 mod compensation;
 #[cfg(test)]
 mod compensation_tests;
+mod contour;
 mod cycle;
 mod moves;
 mod program;
