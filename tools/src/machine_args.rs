@@ -13,7 +13,7 @@ use std::str::FromStr;
 #[derive(Args)]
 #[command(after_help = "\
 The program is G-code: G0 to G3 in the planes of G17 to G19, helices, drilling cycles (G73, G81 to G83, G85, G89), work \
-offsets, G43, G92, subprograms in the same file (M98 and M99, or o100 sub and call). Or it is a CL file of APT (.apt, .cls, .ncl): \
+offsets, G43, G92, subprograms in the same file (M98 and M99, or o100 sub). Or it is a CL file of APT (.apt, .cls, .ncl): \
 GOTO, GODLTA, FROM, RAPID, CIRCLE, CYCLE, CUTTER, TLDATA, LOADTL, UNITS.
 
 Positions are the tip's, in the coordinates of the part.
