@@ -3,7 +3,7 @@
 
     python3 -m venv venv && venv/bin/pip install numpy connected-components-3d
     venv/bin/python bench-data/voids.py --program target/release/brickfield shapes --each 500
-    ... partition --axis 256 | deleted --trials 60 | ladder | leaks --each 200 | overlap
+    ... partition --axis 256 | ladder | leaks --each 200 | overlap
 
 Each prints a table; exit status 1 if something that must hold does not. Seeds are fixed.
 """
@@ -203,80 +203,6 @@ def partition(args, folder):
     return bad
 
 
-def moves(text, feature_wanted):
-    """The lines of a program that lay a feature: number, words, where each ends, and its length."""
-    feature, place, found = "", [0.0, 0.0], []
-    for number, line in enumerate(text):
-        if line.startswith(";TYPE:"):
-            feature = line[6:].strip()
-        if not line.startswith(("G0 ", "G1 ")):
-            continue
-        words = {w[0]: w[1:] for w in line.split(";")[0].split() if len(w) > 1}
-        if not ({"X", "Y"} & words.keys()):
-            continue
-        end = [float(words.get(a, place[n])) for n, a in enumerate("XY")]
-        length = math.dist(place, end)
-        if "E" in words and feature == feature_wanted:
-            found.append((number, words, end, length))
-        place = end
-    return found
-
-
-def window(text, number, layers):
-    """The layers around a line, with what stands before the first one; and the place of the line there."""
-    changes = [n for n, line in enumerate(text) if line.startswith(";LAYER_CHANGE")] + [len(text)]
-    here = max(n for n, change in enumerate(changes) if change <= number)
-    first, last = changes[max(here - layers, 0)], changes[min(here + layers + 1, len(changes) - 1)]
-    e = next((line.split("E")[1].split()[0] for line in reversed(text[:first])
-              if line.startswith(("G1 ", "G92 ")) and " E" in line), "0")
-    head = [*text[:changes[0]], f"G92 E{e}"]
-    return [*head, *text[first:last]], number - first + len(head)
-
-
-def deleted(args, folder):
-    """One line of solid infill, 4 mm long or more, is not laid: its void is found, and the lines beside it are named first.
-
-    Only four layers below and above it are built.
-    """
-    random = np.random.default_rng(3)
-    bad = 0
-    print("| toolpath | trials | voids found | neighbours named | named first |")
-    print("|---|---|---|---|---|")
-    for gcode in args.toolpaths:
-        text = pathlib.Path(gcode).read_text().splitlines()
-        lay = moves(text, "Solid infill")
-        relative = any(line.startswith("M83") for line in text)
-        lay = [m for n, m in enumerate(lay) if m[3] >= 4 and len(lay) * 0.1 < n < len(lay) * 0.9]
-        tally = np.zeros(3, int)
-        chosen = [lay[n] for n in random.choice(len(lay), args.trials, replace=len(lay) < args.trials)]
-        for line, words, end, _ in chosen:
-            without = f"G1 X{end[0]} Y{end[1]}" + ("" if relative else f"\nG92 E{words['E']}")
-            near, number = window(text, line, 4)
-            lines = [*near[:number], *without.split("\n"), *near[number + 1:]]
-            shift = len(without.split("\n")) - 1
-            path, store = folder / "d.gcode", folder / "d.brf"
-            path.write_text("\n".join(lines) + "\n")
-            run(args.program, "build", path, "-o", store, "--identity", "-q", *args.build)
-            found, _ = voids(args.program, store, folder, "--closing", args.closing)
-            best = np.zeros(3, int)
-            for row in found["voids"]:
-                pairs = [tuple(map(int, p.split("-"))) for p in (row["missing_between"] or "").split(";") if p]
-                # Lines on both sides of the one that is gone.
-                named = [p for p in pairs if p[0] <= number + 1 <= p[1] + shift and p[1] - p[0] < 12]
-                first = [int(line.split("-")[0]) for line in (row["lines"] or "").split(";")[:2] if line]
-                is_near = row["layer_first"] is not None
-                state = np.array([is_near and bool(named), bool(named), any(set(first) & set(p) for p in named)], int)
-                best = np.maximum(best, state)
-            tally += best
-            if args.show and not best.all():
-                near_by = [(row["volume"], row["throat"], row["lines"], row["missing_between"]) for row in found["voids"]
-                           if any(abs(int(one.split("-")[0]) - number) < 6 for one in (row["lines"] or "").split(";") if one)]
-                print(f"line {line + 1}, {number + 1} here: {best}, {near_by[:args.show]}")
-        bad += 3 * args.trials - tally.sum()
-        print(f"| {pathlib.Path(gcode).name} | {args.trials} | {tally[0]} | {tally[1]} | {tally[2]} |")
-    return bad
-
-
 def ladder(args, folder):
     """The cavities of void_ladder, from the mesh and from a print of it."""
     truth = json.loads((HERE / "stl_truth.json").read_text())
@@ -428,7 +354,6 @@ def main():
     for name, options in {
         shapes: {"--each": 500},
         partition: {"--axis": 256, "--balls": 3000},
-        deleted: {"--trials": 20, "--closing": "1mm", "--toolpaths": [], "--build": [], "--show": 0},
         ladder: {"--closing": "0.8mm", "--toolpaths": [], "--rows": 8},
         leaks: {"--each": 200, "--pitch": 64},
         overlap: {},

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Crates with circles that are still to be cut, with the files of the largest one. The test of a crate that has fewer
 /// fails too, so that the number here goes down.
 const KNOWN: [(&str, usize); 7] = [
-    ("analysis", 5),
+    ("analysis", 3),
     ("builder", 5),
     ("gpu", 3),
     ("octree", 2),

@@ -77,6 +77,52 @@ fn removed_volumes_are_those_of_closed_forms() {
 }
 
 #[test]
+fn cl_files_subprograms_and_corrected_contours_cut_what_they_say() {
+    let dir = Scratch::new();
+    let (part, out) = (block(&dir, "0.2"), dir.path("cut.brf"));
+    let cases = [
+        (
+            "slot.cls",
+            "TLDATA/MILL,6.0,0.0,50.0,0.0,0.0\nLOAD/TOOL,2\nODDITY/3\nFROM/-10,10.03,25\nRAPID\nGOTO/-10,10.03,16\nGOTO/30,10.03,$\n16\nFINI\n",
+            480.0,
+        ),
+        ("side.apt", "UNITS/INCHES\nCUTTER/0.25\nFROM/-0.2,0.4,0.4,-1,0,0\nGOTO/0.3,0.4,0.4\n", {
+            PI * (0.125f64 * 25.4).powi(2) * 0.3 * 25.4
+        }),
+        (
+            "steps.nc",
+            "T1 M6\nG0 X-10 Y10.03 Z18\nM98 P1 L2\nM30\nO1\nG91 G1 Z-2\nX40\nG0 X-40\nG90\nM99\n",
+            720.0,
+        ),
+        // A boss of 12 mm is left; the tool reaches all around it.
+        ("boss.nc", "T1 M6\nG0 X1 Y-20 Z15\nG41 D4 G1 X4 Y4\nY16\nX16\nY4\nX4\nG40 G0 Y-20\n", 256.0 * 5.0),
+    ];
+    for (name, program, expected) in cases {
+        let program = dir.file(name, program);
+        let tools: &[&str] = if name.ends_with(".nc") { &["1=flat:6mm"] } else { &[] };
+        let found = machine(&part, &program, tools, &out, &["--json", "--radius", "4=3mm"]).json();
+        let (volume, error) =
+            (found["removed_volume"].as_f64().unwrap(), found["removed_volume_error"].as_f64().unwrap());
+        assert!((volume - expected).abs() <= error, "{name}: {volume} ± {error}, {expected}");
+        assert!((volume / expected - 1.0).abs() <= 2e-3, "{name}: {volume}, {expected}");
+        let skipped = found["skipped_words"].as_object().unwrap();
+        assert_eq!(skipped.get("ODDITY").and_then(|n| n.as_u64()), (name == "slot.cls").then_some(1));
+    }
+    let program = dir.file("turn.nc", "T1 M6\nG0 X10 Y10 Z30\nG1 Z18\nB8\nB0\nG0 Z30\n");
+    let found = machine(&part, &program, &["1=ball:4mm,length=20mm"], &out, &["--json"]).json();
+    // Eight steps of a degree, each a half of one off at most, at 20.1 mm from the tip.
+    let expected = 20f64.hypot(2.0) * 0.5f64.to_radians();
+    let turn_error = found["turn_error"].as_f64().unwrap();
+    assert!((turn_error / expected - 1.0).abs() < 0.01, "{turn_error} {expected}");
+    let told = machine(&part, &program, &["1=ball:4mm,length=20mm"], &out, &[]).ok();
+    assert!(told.contains("steps of a turning tool within 0.17"), "{}", told);
+    let refused = dir.file("refused.nc", "T1 M6\nG0 X1 Y-20 Z15\nG41 D5 G1 X4 Y4\n");
+    let line = machine(&part, &refused, &["1=flat:6mm"], &out, &[]).failed();
+    assert!(line.contains("refused.nc: line 3: ") && line.contains("--radius 5=5mm"), "{line}");
+    machine(&part, &refused, &["1=flat:6mm"], &out, &["--radius", "x"]).misused();
+}
+
+#[test]
 fn rapid_moves_through_the_part_are_told() {
     let dir = Scratch::new();
     let (part, out) = (block(&dir, "0.5"), dir.path("cut.brf"));

@@ -12,10 +12,16 @@ use std::str::FromStr;
 /// Take off a part what the tools of a milling program sweep, and tell what that does to its voids
 #[derive(Args)]
 #[command(after_help = "\
-The program is G-code for three axes: G0 to G3 in the planes of G17 to G19, helices, drilling cycles (G73, G81 to G83, G85, \
-G89), work offsets, G43, G92. Positions are the tip's, in the coordinates of the part.
+The program is G-code: G0 to G3 in the planes of G17 to G19, helices, drilling cycles (G73, G81 to G83, G85, G89), work \
+offsets, G43, G92, subprograms in the same file (M98 and M99, or o100 sub). Or it is a CL file of APT (.apt, .cls, .ncl): \
+GOTO, GODLTA, FROM, RAPID, CIRCLE, CYCLE, CUTTER, TLDATA, LOADTL, UNITS.
 
-Words A, B and C turn the head, as in toolpaths; where they change on a move it is cut in steps.
+Positions are the tip's, in the coordinates of the part.
+
+G41 and G42 correct for a radius that --radius gives by its number D, or G10 or G41.1; 0mm if the path is the centre's already.
+
+Words A, B and C turn the head, as in toolpaths, and axes in GOTO the tool; where these change on a move it is cut in steps. \
+The summary tells how far these are off.
 
 Tools are ball:D, flat:D, bull:D,CORNER, drill:D,ANGLE and chamfer:D,ANGLE,TIP, each with length=L if it does not leave the \
 part. Without --tool comments name them, as in (T1 D=6. CR=3. - ball end mill).
@@ -48,6 +54,9 @@ pub struct MachineArgs {
     /// A table of tools in TOML: under [tools] lines such as 3 = "bull:10mm,1mm"
     #[arg(long, value_name = "TOOLS.toml")]
     pub tools: Option<PathBuf>,
+    /// A radius that G41 and G42 correct for: its number D in the program, an equals sign, and what the machine's table holds
+    #[arg(long, value_name = "N=LEN")]
+    pub radius: Vec<NumberedRadius>,
     /// Also write what becomes of each void; the name ends in .csv or .json
     #[arg(long, value_name = "OPENED.csv|.json")]
     pub voids: Option<PathBuf>,
@@ -87,5 +96,22 @@ impl FromStr for NumberedTool {
             _ => (None, text),
         };
         Ok(NumberedTool(number, form.parse()?))
+    }
+}
+
+/// A radius of the machine's table.
+#[derive(Clone, Copy, Debug)]
+pub struct NumberedRadius(pub u32, pub Length);
+
+impl FromStr for NumberedRadius {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<NumberedRadius, String> {
+        let (number, radius) = text
+            .split_once('=')
+            .ok_or_else(|| format!("{text}: expected a number and a radius, as in 3=5mm"))?;
+        let number = number.trim().trim_start_matches(['D', 'd']);
+        let number = number.parse().map_err(|_| format!("{number}: expected the number of a radius"))?;
+        Ok(NumberedRadius(number, radius.trim().parse()?))
     }
 }

@@ -10,4 +10,4 @@ pub mod x3d;
 
 #[cfg(test)]
 use brickfield_core::Silent;
-use brickfield_core::{error, part, progress};
+use brickfield_core::{error, lattice, part, progress};

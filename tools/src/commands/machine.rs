@@ -5,7 +5,7 @@ use super::operands::source_of;
 use super::{open_store, require_whole_samples, start, unit_of};
 use crate::failure::Failure;
 use crate::kinds::require_store_name;
-use crate::machine_args::{MachineArgs, NumberedTool};
+use crate::machine_args::{MachineArgs, NumberedRadius, NumberedTool};
 use crate::measured::measured;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
@@ -121,7 +121,12 @@ fn options(args: &MachineArgs, store: &Store, unit: f64) -> Result<ProgramOption
         Some(length) => length.in_unit(crate::units::Unit::Mm),
         None => cell * ARC_CELLS,
     };
-    Ok(ProgramOptions { tools, tool, arc_tolerance: tolerance, turn: TURN })
+    let radii = args
+        .radius
+        .iter()
+        .map(|NumberedRadius(number, of)| (*number, of.in_unit(crate::units::Unit::Mm)))
+        .collect();
+    Ok(ProgramOptions { tools, tool, radii, arc_tolerance: tolerance, turn: TURN })
 }
 
 /// Tools from a table.
@@ -326,6 +331,8 @@ impl Job<'_> {
             "arcs": self.program.arcs,
             "arc_error": self.program.chord_error / self.unit,
             "corner_error": self.cut.corner_error,
+            "turn_error": self.cut.turn_error,
+            "skipped_words": self.program.skipped,
             "turning_steps": self.program.turning_steps,
             "unplaced_moves": self.program.unplaced,
             "removed_volume": total.value,
@@ -351,10 +358,15 @@ impl Job<'_> {
             told += &format!(", rounded corners within {:.6} {unit}", self.cut.corner_error);
         }
         if *turning_steps > 0 {
-            told += &format!(", {turning_steps} steps of a turning tool");
+            let error = self.cut.turn_error;
+            told += &format!(", {turning_steps} steps of a turning tool within {error:.6} {unit}");
         }
         if *unplaced > 0 {
             told += &format!(", {unplaced} rapid ones to or from an unknown place left out");
+        }
+        if !self.program.skipped.is_empty() {
+            let words = self.program.skipped.iter().map(|(word, count)| format!("{word} ({count})"));
+            told += &format!(", unknown words left out: {}", words.collect::<Vec<_>>().join(", "));
         }
         lines.push(format!("  program  {told}"));
         lines.push(format!("  removed  {} {unit}³", measured(found.total.value, found.total.error)));

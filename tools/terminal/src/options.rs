@@ -5,7 +5,7 @@
 use brickfield_engine::Error;
 
 /// Settings that messages of the library name; each is set by the option of the same name.
-const SETTINGS: [&str; 40] = [
+const SETTINGS: [&str; 41] = [
     "backend",
     "boundary_error",
     "cell",
@@ -30,6 +30,7 @@ const SETTINGS: [&str; 40] = [
     "method",
     "pixel",
     "plate",
+    "radius",
     "restart",
     "shard",
     "side",

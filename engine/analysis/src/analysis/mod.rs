@@ -20,6 +20,7 @@ pub use export::{BrickBlock, Dense, Element, TakeRows, covering};
 pub use face_beads::{BeadAttribute, FaceBeads};
 pub(crate) use faces::share_beside;
 pub use overlap::{OverlapSum, Overlaps, PairOverlap, overlaps};
+pub(crate) use sample::leaf_at;
 pub use sample::{sample_at, winding_range};
 pub(crate) use volume::spread;
 pub use volume::{Volumes, negative_volume, volume};

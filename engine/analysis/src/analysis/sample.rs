@@ -62,7 +62,7 @@ fn not_yet([x, y, z]: [f64; 3]) -> Error {
 
 /// The leaf whose cells hold the position, given in units from the root's first sample; `None` outside, and
 /// where an unfinished store has none yet.
-pub(super) fn leaf_at(tree: &dyn BrickTree, from_first: [f64; 3]) -> Option<NodeKey> {
+pub(crate) fn leaf_at(tree: &dyn BrickTree, from_first: [f64; 3]) -> Option<NodeKey> {
     let deepest = NodeKey::deepest_holding(from_first)?;
     // An unfinished store may lack the nodes above.
     let mut keys = (0..=MAX_LEVEL).filter_map(|level| deepest.ancestor(level));

@@ -26,11 +26,14 @@ pub struct Cut {
     pub moves: Vec<u32>,
     /// Largest deviation of frustums from rounded corners, in the store's unit.
     pub corner_error: f64,
+    /// Largest deviation within the part of steps that keep the tool's direction from a tool that turns, in the store's unit.
+    pub turn_error: f64,
 }
 
 impl Cut {
     /// The solids of a program on the lattice of a root cube whose unit is `unit` mm.
     pub fn new(program: &Program, root: RootCube, unit: f64) -> Cut {
+        let ball = (root.origin.map(|c| (c + 0.5 * root.edge) * unit), 0.5 * root.edge * unit * 3f64.sqrt());
         let scale = 1.0 / (root.unit() * unit);
         let origin = root.origin.map(|c| c * unit);
         // Beyond the root from anywhere within it.
@@ -39,6 +42,8 @@ impl Cut {
         let stacks: Vec<Vec<Part>> = program.tools.iter().map(|(_, tool)| stack(tool, reach)).collect();
         for (number, of) in program.moves.iter().enumerate() {
             let stack = &stacks[of.tool as usize];
+            cut.turn_error =
+                cut.turn_error.max(turn_error(of, &program.tools[of.tool as usize].1, ball) / unit);
             for part in stack {
                 let solid = solid(of, *part, origin, scale);
                 cut.solids.push(if stack.len() > 1 { solid.as_part(of.axis) } else { solid });
@@ -52,6 +57,18 @@ impl Cut {
         cut.corner_error = program.tools.iter().map(corner).fold(0.0, f64::max);
         cut
     }
+}
+
+/// How far a tool that turns about its tip is from one that keeps its middle direction: each half of the step turns it by half
+/// the angle at most. What cuts lies no farther from the tip than the far side of the ball around the root.
+fn turn_error(of: &Move, tool: &Tool, (centre, radius): ([f64; 3], f64)) -> f64 {
+    if of.turn == 0.0 {
+        return 0.0;
+    }
+    let away = |p: [f64; 3]| (0..3).map(|a| (p[a] - centre[a]).powi(2)).sum::<f64>().sqrt() + radius;
+    let reach = away(of.from).max(away(of.to));
+    let tool = tool.length.map_or(reach, |length| reach.min(length.hypot(tool.diameter / 2.0)));
+    2.0 * tool * (of.turn / 4.0).sin()
 }
 
 /// The angle of some steps of a corner.

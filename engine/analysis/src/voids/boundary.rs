@@ -1,10 +1,10 @@
 //! The crossings of the boundaries of voids: their points, and the beads that they belong to.
 
+use super::around::{SurroundingSegments, Tracer};
 use super::components::Components;
 use super::labelling::Labelling;
 use super::points::{OUTER, Point};
 use super::pores::Pores;
-use super::trace::{SurroundingSegments, Tracer};
 use crate::brick::{Brick, HermiteEdge};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey};

@@ -1,6 +1,7 @@
 //! Whether a void is meant to be, by the CAD part or by the features of the beads around it.
 
 use super::find::Void;
+use super::role::{Role, role};
 use super::trace::Trace;
 
 /// What a void is taken for.
@@ -32,32 +33,6 @@ const POCKET_LEAST: f64 = 0.25;
 /// Layers that a pocket's beads span: one below, two beside, one above.
 const POCKET_LAYERS: u32 = 4;
 
-/// What a feature is in a print, by the names that slicers have for it.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Role {
-    OuterWall,
-    SparseInfill,
-    Other,
-}
-
-fn role(feature: &str) -> Role {
-    let name = feature.to_lowercase().replace(['-', '_'], " ");
-    let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
-    let is_dense = has(&["solid", "top", "bottom", "bridge", "gap", "support", "iron", "skin"]);
-    if has(&["external perimeter", "outer wall", "wall outer", "outer perimeter", "overhang"]) {
-        Role::OuterWall
-    } else if !is_dense && has(&["infill", "fill"]) {
-        Role::SparseInfill
-    } else {
-        Role::Other
-    }
-}
-
-/// Whether a feature is one of infill that may be sparse.
-pub(super) fn may_be_sparse(feature: &str) -> bool {
-    role(feature) == Role::SparseInfill
-}
-
 /// The class of a void. With a CAD part a void of which most lies outside that is the part's own: a pocket. Of all others,
 /// and of all voids without a CAD part, the features around tell: sparse infill makes a cell of it; outer walls around a void
 /// that is wider than the beads and higher than two layers make a pocket; what is left is a flaw. Without beads and CAD part
@@ -88,25 +63,5 @@ fn by_features(void: &Void, trace: &Trace, is_sparse: bool) -> Class {
         Class::Pocket
     } else {
         Class::Flaw
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn features_of_all_slicers_have_their_roles() {
-        for name in
-            ["External perimeter", "WALL-OUTER", "Outer wall", "outer_perimeter", "Overhang perimeter"]
-        {
-            assert!(role(name) == Role::OuterWall, "{name}");
-        }
-        for name in ["Internal infill", "FILL", "Sparse infill", "Sparse Infill Path", "infill"] {
-            assert!(role(name) == Role::SparseInfill, "{name}");
-        }
-        for name in ["Solid infill", "Top solid infill", "Gap fill", "Perimeter", "SKIN", "Bridge infill"] {
-            assert!(role(name) == Role::Other, "{name}");
-        }
     }
 }

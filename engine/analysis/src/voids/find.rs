@@ -1,5 +1,6 @@
 //! The voids of a store, one by one.
 
+use super::around::Tracer;
 use super::boundary::{Boundaries, boundaries};
 use super::cad::cad_shares;
 use super::class::{Class, class_of};
@@ -10,7 +11,7 @@ use super::pores::{Pore, Pores, pores};
 use super::sealed::{SealFindings, SubcellField, sealed};
 use super::surface::{FARTHEST_BYTES, VoidSurface, surfaces};
 use super::totals::Total;
-use super::trace::{Trace, Tracer, has_sparse_infill};
+use super::trace::{Trace, has_sparse_infill};
 use crate::error::Result;
 use crate::lattice::RootCube;
 use crate::progress::Progress;
@@ -289,11 +290,14 @@ impl Voids {
         let pores = self.pores.as_ref();
         let Boundaries { voids: points, outer, around } =
             boundaries(store, labelling, &is_void, pores, tracer.as_ref(), most, progress)?;
-        if let Some(tracer) = &tracer {
-            let trace = |component: usize| Trace::of(around.get(&component)?, tracer);
-            self.voids.iter_mut().for_each(|void| void.trace = trace(void.component));
-        }
         let is_sparse = tracer.as_ref().is_some_and(|tracer| has_sparse_infill(around.values(), tracer));
+        if let Some(tracer) = &tracer {
+            for void in &mut self.voids {
+                if let Some(around) = around.get(&void.component) {
+                    void.trace = Trace::of(around, tracer, is_sparse)?;
+                }
+            }
+        }
         if let Some(cad) = options.cad {
             let shares = cad_shares(store, cad, labelling, &is_void, progress)?;
             self.voids.iter_mut().for_each(|void| void.cad_share = shares.get(&void.component).copied());

@@ -17,13 +17,17 @@
 //! | `covered` | cells that beads cover for certain |
 //! | `slabs` | volumes by layer |
 //! | `totals` | volumes of all together, and the errors of these |
-//! | `trace` | the beads around a void |
+//! | `around` | the beads around a void |
+//! | `gaps` | where a line may be missing |
+//! | `trace` | what is told of both |
 //! | `cad` | what of a void lies within another tree |
+//! | `role` | what features are |
 //! | `class` | whether a void is meant to be |
 //! | `find` | all of it |
 //! | `place` | the void at a place |
 //! | `labels` | numbers of voids as a dense grid |
 
+mod around;
 mod border;
 mod boundary;
 mod cad;
@@ -33,6 +37,7 @@ mod components;
 mod covered;
 mod enclosing_ball;
 mod find;
+mod gaps;
 mod labelling;
 mod labels;
 mod matter;
@@ -41,6 +46,7 @@ mod outline;
 mod place;
 mod points;
 mod pores;
+mod role;
 mod sealed;
 mod slabs;
 mod surface;

@@ -303,18 +303,23 @@ fn flood(squared: &[u16], size: [usize; 3], cap: u16, most: f64) -> (Vec<Pore>, 
     for &index in &order {
         let index = index as usize;
         let at = place(index);
-        let mut own = (0..3).any(|a| at[a] == 0 || at[a] + 1 == size[a]).then_some(OUTSIDE);
+        let is_edge = (0..3).any(|a| at[a] == 0 || at[a] + 1 == size[a]);
+        // It belongs to the widest place beside it, so a slit along a basin's wall takes none of the wall.
+        let mut own = is_edge.then_some((OUTSIDE, u16::MAX));
         for a in 0..3 {
             for other in
                 [(at[a] > 0).then(|| index - steps[a]), (at[a] + 1 < size[a]).then(|| index + steps[a])]
             {
                 let Some(other) = other.filter(|&other| of[other] != UNSET) else { continue };
-                match own {
-                    Some(own) => basins.meet(own, of[other], squared[index], most),
-                    None => own = Some(of[other]),
+                if let Some((own, _)) = own {
+                    basins.meet(own, of[other], squared[index], most);
+                }
+                if own.is_none_or(|(_, widest)| squared[other] > widest) {
+                    own = Some((of[other], squared[other]));
                 }
             }
         }
+        let own = own.map(|(own, _)| own);
         let own = own.unwrap_or_else(|| {
             let number = basins.0.len() as u32;
             basins.0.push(Basin { parent: number, throat: None, peak: squared[index] });

@@ -9,11 +9,11 @@
 //! voids that lead through the fewest groups of cells that may be either. The nodes there are divided, and those below them,
 //! until a path is open or shut, or the bound on such nodes is reached.
 
+use super::around::Tracer;
 use super::cells::{NONE, VoidCells};
 use super::components::Components;
 use super::labelling::Labelling;
 use super::matter::{Corners, Matter, corners, gather};
-use super::trace::Tracer;
 use crate::brick::{Brick, point_position};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, Octant};

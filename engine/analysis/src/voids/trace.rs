@@ -1,141 +1,13 @@
-//! Which beads bound a void: every crossing of its boundary is where a lattice line enters or leaves a segment.
-//!
-//! The store's record of beads lists the segments that touch each leaf, and a segment's solid tells where a line meets it, by
-//! the rule that the crossing was made by. So the segment whose interval ends at the crossing is the one, and nothing needs
-//! to be kept of it beside the crossing itself.
+//! What is told of the beads around a void: lines, layers, features, and lines that may be missing.
 
-use super::boundary::VoidCrossing;
-use super::class::may_be_sparse;
-use crate::analysis::solids_of;
+use super::around::{SurroundingSegments, Tracer};
+use super::gaps::gaps;
+use super::role::may_be_sparse;
 use crate::brick::Count;
 use crate::error::Result;
-use crate::lattice::{NodeKey, Units};
-use crate::solid::{Body, Segment, Solids};
-use crate::store::{BeadSegment, BeadTables, BrickTree, Store};
+use crate::lattice::Units;
+use crate::store::{BeadSegment, BrickTree};
 use std::collections::BTreeMap;
-
-/// Steps of a square unit in which shares of surfaces are added up.
-const SHARE_STEPS: f64 = 256.0;
-
-/// Reads the segments of leaves.
-pub struct Tracer<'a> {
-    store: &'a Store,
-    tables: BeadTables,
-    solids: Solids,
-}
-
-impl<'a> Tracer<'a> {
-    /// Of a store; `None` if it does not tell beads apart.
-    ///
-    /// # Errors
-    /// [`Error::Store`] if its tables are damaged.
-    pub fn new(store: &'a Store) -> Result<Option<Tracer<'a>>> {
-        let Some(tables) = store.bead_tables()? else { return Ok(None) };
-        let solids = solids_of(store, &tables)?;
-        Ok(Some(Tracer { store, tables, solids }))
-    }
-
-    /// The tables of beads.
-    pub fn tables(&self) -> &BeadTables {
-        &self.tables
-    }
-
-    /// The segments that touch a leaf.
-    pub(super) fn segments(&self, key: NodeKey) -> Result<Segments> {
-        let stored = self.store.segments(key, &self.tables)?;
-        let of = |s: &BeadSegment| {
-            let segment = Segment { a: s.a, b: s.b, profile: s.section, pass: s.pass };
-            Listed { segment: *s, body: self.solids.body(&segment), bounds: self.solids.bounds(&segment) }
-        };
-        Ok(Segments(stored.iter().map(of).collect()))
-    }
-
-    /// The solids of all segments.
-    pub(super) fn solids(&self) -> &Solids {
-        &self.solids
-    }
-
-    /// The segments that touch a leaf, to be asked through [`Tracer::solids`].
-    pub(super) fn listed(&self, key: NodeKey) -> Result<Vec<Segment>> {
-        let of = |s: &BeadSegment| Segment { a: s.a, b: s.b, profile: s.section, pass: s.pass };
-        Ok(self.store.segments(key, &self.tables)?.iter().map(of).collect())
-    }
-
-    /// Width of a segment's section, in lattice units.
-    fn width(&self, segment: &BeadSegment) -> f64 {
-        2.0 * self.tables.sections[segment.section as usize].half_width
-    }
-}
-
-struct Listed {
-    segment: BeadSegment,
-    body: Body,
-    bounds: (Units, Units),
-}
-
-/// The segments that touch a leaf, with their solids.
-pub(super) struct Segments(Vec<Listed>);
-
-impl Segments {
-    /// The segment whose solid a line enters or leaves at a crossing, nearest to it within what its place is rounded to.
-    fn at(&self, key: NodeKey, crossing: &VoidCrossing) -> Option<&BeadSegment> {
-        let axis = crossing.axis.index();
-        let slack = 2.0 + f64::from(1u32 << key.spacing_bits()) / 32768.0;
-        let mut best: Option<(f64, &BeadSegment)> = None;
-        for Listed { segment, body, bounds } in &self.0 {
-            let outside = |a: usize| {
-                crossing.at[a] < f64::from(bounds.0[a]) - slack
-                    || crossing.at[a] > f64::from(bounds.1[a]) + slack
-            };
-            if outside(0) || outside(1) || outside(2) {
-                continue;
-            }
-            let at = [0, 1, 2].map(|a| crossing.at[a] - f64::from(segment.a[a]));
-            let Some((from, to)) = body.line(axis, at) else { continue };
-            let end = if crossing.low_is_inside { to } else { from };
-            let away = (end - at[axis]).abs();
-            if away <= slack && best.is_none_or(|(least, _)| away < least) {
-                best = Some((away, segment));
-            }
-        }
-        best.map(|(_, segment)| segment)
-    }
-}
-
-/// The segments around a void, with what of its surface is theirs.
-#[derive(Clone, Debug, Default)]
-pub(super) struct SurroundingSegments {
-    /// By pass and line: shares in [`SHARE_STEPS`], and the first of the segments.
-    segments: BTreeMap<(u32, u64), (u128, BeadSegment)>,
-    /// What belongs to no segment.
-    unknown: u128,
-}
-
-impl SurroundingSegments {
-    pub fn add(&mut self, segments: &Segments, key: NodeKey, crossing: &VoidCrossing) {
-        let share = (crossing.share * SHARE_STEPS).round() as u128;
-        match segments.at(key, crossing) {
-            Some(segment) => self.put((segment.pass, segment.line), share, *segment),
-            None => self.unknown += share,
-        }
-    }
-
-    fn put(&mut self, name: (u32, u64), share: u128, segment: BeadSegment) {
-        let entry = self.segments.entry(name).or_insert((0, segment));
-        entry.0 += share;
-        // Whichever leaf comes first, the same segment stands for the line.
-        if (segment.a, segment.b) < (entry.1.a, entry.1.b) {
-            entry.1 = segment;
-        }
-    }
-
-    pub fn join(&mut self, other: SurroundingSegments) {
-        self.unknown += other.unknown;
-        for (name, (share, segment)) in other.segments {
-            self.put(name, share, segment);
-        }
-    }
-}
 
 /// A line of a toolpath beside a void.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,8 +33,8 @@ pub struct Trace {
     pub features: Vec<(String, f64)>,
     /// Beads around.
     pub beads: usize,
-    /// Lines that follow each other in order, both at the void and farther apart than they are wide: what may be missing lies
-    /// between.
+    /// Lines that face each other across the void, farther apart than they are wide: what may be missing lies between. The
+    /// largest gap comes first.
     pub missing: Vec<(u64, u64)>,
     /// The share of the surface that belongs to no bead of the record.
     pub unknown: f64,
@@ -171,10 +43,18 @@ pub struct Trace {
 }
 
 impl Trace {
-    pub(super) fn of(around: &SurroundingSegments, tracer: &Tracer<'_>) -> Option<Trace> {
+    /// Of what is around a void; `is_sparse` as [`has_sparse_infill`] has it.
+    ///
+    /// # Errors
+    /// What reading the store gives.
+    pub(super) fn of(
+        around: &SurroundingSegments,
+        tracer: &Tracer<'_>,
+        is_sparse: bool,
+    ) -> Result<Option<Trace>> {
         let total: u128 = around.segments.values().map(|(share, _)| share).sum::<u128>() + around.unknown;
         if around.segments.is_empty() || total == 0 {
-            return None;
+            return Ok(None);
         }
         let tables = tracer.tables();
         let mut lines: BTreeMap<(u32, (u64, u64)), (u32, u128)> = BTreeMap::new();
@@ -202,18 +82,24 @@ impl Trace {
             .into_iter()
             .map(|(f, share)| (tables.features[usize::from(f)].clone(), part(share)))
             .collect();
-        trace.missing = missing(around, tracer);
-        let is_beside = |lines: (u64, u64)| {
-            trace.missing.iter().any(|pair| [pair.0, pair.1].iter().any(|l| lines.0 <= *l && *l <= lines.1))
+        trace.missing = gaps(around, tracer, is_sparse)?;
+        let mut first_gap: BTreeMap<u64, usize> = BTreeMap::new();
+        for (n, pair) in trace.missing.iter().enumerate() {
+            for line in [pair.0, pair.1] {
+                first_gap.entry(line).or_insert(n);
+            }
+        }
+        let beside = |lines: (u64, u64)| {
+            first_gap.range(lines.0..=lines.1).map(|(_, n)| *n).min().unwrap_or(usize::MAX)
         };
         let mut lines: Vec<_> = lines.into_iter().collect();
         lines.sort_by_key(|&((source, lines), (_, share))| {
-            (!is_beside(lines), std::cmp::Reverse(share), source, lines)
+            (beside(lines), std::cmp::Reverse(share), source, lines)
         });
         let line =
             |((source, lines), (layer, share))| TracedLine { source, lines, layer, share: part(share) };
         trace.lines = lines.into_iter().map(line).collect();
-        Some(trace)
+        Ok(Some(trace))
     }
 }
 
@@ -244,53 +130,6 @@ pub(super) fn has_sparse_infill<'b>(
     }
     distances.sort_unstable_by(f64::total_cmp);
     distances.get(distances.len() / 2).is_some_and(|median| *median > SPARSE)
-}
-
-/// Pairs of lines that follow each other around the void, in one layer, whose centre lines are farther apart than wide. Lines of
-/// a raster follow each other with turns between them, so each is also compared with the next one that runs along it.
-fn missing(around: &SurroundingSegments, tracer: &Tracer<'_>) -> Vec<(u64, u64)> {
-    /// Lines laid at their width stand a little nearer than that; one missing between makes it twice.
-    const APART: f64 = 1.25;
-    /// Lines farther apart than this are on two sides of the part, as those of a loop, and not of a line that is missing.
-    const FAR: f64 = 3.5;
-    /// Lines at the void after a line, and those of the program, among which the next one that runs along it is sought.
-    const AHEAD: usize = 12;
-    const LINES: u64 = 32;
-    let tables = tracer.tables();
-    let mut pairs = Vec::new();
-    let entries: Vec<&(u128, BeadSegment)> = around.segments.values().collect();
-    for (n, (_, one)) in entries.iter().enumerate().filter(|(_, (_, one))| one.line > 0) {
-        let layer = |s: &BeadSegment| {
-            let bead = tables.beads[tables.bead_of(s.pass).0 as usize];
-            (bead.source, bead.layer)
-        };
-        let after = entries[n + 1..].iter().map(|(_, other)| other).take(AHEAD);
-        let mut after =
-            after.take_while(|other| layer(other) == layer(one) && other.line.abs_diff(one.line) <= LINES);
-        let next = after.clone().next();
-        let beside = after.find(|other| runs_along(one, other, tracer));
-        for other in next.into_iter().chain(beside) {
-            let width = tracer.width(one).max(tracer.width(other));
-            if (APART * width..FAR * width).contains(&apart(one, other)) {
-                pairs.push((one.line, other.line));
-            }
-        }
-    }
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs
-}
-
-/// Whether two segments are longer than wide and almost parallel, either way round.
-fn runs_along(one: &BeadSegment, other: &BeadSegment, tracer: &Tracer<'_>) -> bool {
-    /// Of the angle between them.
-    const COSINE: f64 = 0.9;
-    let along = |s: &BeadSegment| [0, 1, 2].map(|a| f64::from(s.b[a] - s.a[a]));
-    let dot = |p: [f64; 3], q: [f64; 3]| (0..3).map(|a| p[a] * q[a]).sum::<f64>();
-    let (p, q) = (along(one), along(other));
-    let lengths = [dot(p, p).sqrt(), dot(q, q).sqrt()];
-    let is_long = lengths.iter().zip([one, other]).all(|(length, s)| *length > 2.0 * tracer.width(s));
-    is_long && dot(p, q).abs() > COSINE * lengths[0] * lengths[1]
 }
 
 /// The least distance of two segments' centre lines.

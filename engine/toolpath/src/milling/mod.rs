@@ -4,11 +4,23 @@
 //! part: work offsets count as the program sets them by G10 L2, or else zero, and G43 leaves the tip where it is
 //! programmed.
 
+mod apt;
+#[cfg(test)]
+mod apt_tests;
+mod compensation;
+#[cfg(test)]
+mod compensation_tests;
+mod contour;
 mod cycle;
+mod moves;
+mod program;
+#[cfg(test)]
+mod program_tests;
 mod reader;
 #[cfg(test)]
 mod tests;
 mod tool;
 
-pub use reader::{Move, Program, ProgramOptions, read};
+pub use moves::{Move, Program, ProgramOptions};
+pub use program::read;
 pub use tool::{Tool, ToolKind};

@@ -1,91 +1,29 @@
 //! The reader: commands line by line, moves out.
 
+use super::compensation::Compensation;
 use super::cycle::Cycle;
+use super::moves::{Moves, POSITION_MAX, Program};
 use super::tool::Tool;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::toolpath::gcode::arc::{Arc, Centre};
 use crate::toolpath::gcode::tilt;
 use crate::toolpath::gcode::words::{NAMED, Word, Words};
 use std::collections::BTreeMap;
-use std::path::Path;
 
-/// Largest coordinate, in mm.
-const POSITION_MAX: f64 = 1e6;
-/// Most moves of a program.
-const MOVES_MAX: usize = 1 << 27;
 /// Most holes of a cycle that is repeated.
 const REPEATS_MAX: f64 = 10_000.0;
 
-/// What the caller knows of a program.
-#[derive(Clone, Debug)]
-pub struct ProgramOptions {
-    /// Tools by their numbers, before those that comments name.
-    pub tools: BTreeMap<u32, Tool>,
-    /// The tool of all numbers that have none, and until a number is called.
-    pub tool: Option<Tool>,
-    /// How far chords may deviate from arcs, in mm.
-    pub arc_tolerance: f64,
-    /// Largest turn of the tool's axis in one step, as the sine of the angle.
-    pub turn: f64,
-}
-
-/// A straight move of a tool that keeps its direction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Move {
-    /// Line of the program, from 1.
-    pub line: u64,
-    /// Whether it is a rapid one (G0), which must not cut.
-    pub rapid: bool,
-    /// Its tool, in [`Program::tools`].
-    pub tool: u32,
-    /// Where the tip begins and ends, in mm.
-    pub from: [f64; 3],
-    /// Where it ends.
-    pub to: [f64; 3],
-    /// The tool's axis, from the tip upward.
-    pub axis: [f64; 3],
-}
-
-/// A program that was read.
-#[derive(Clone, Debug, Default)]
-pub struct Program {
-    /// In the order of the program.
-    pub moves: Vec<Move>,
-    /// Tools that were used, each with its number in the program; 0 until one is called.
-    pub tools: Vec<(u32, Tool)>,
-    /// Largest deviation of chords from arcs, in mm.
-    pub chord_error: f64,
-    /// Arcs that became chords.
-    pub arcs: u64,
-    /// Steps in which the tool turned, each with a direction of its own.
-    pub turning_steps: u64,
-    /// Rapid moves from or to a place that the program does not tell, as after G28; they are left out.
-    pub unplaced: u64,
-}
-
-/// Reads a program.
-///
-/// # Errors
-/// [`Error::Io`] if it cannot be read; [`Error::Input`] with the line and the word that cannot be followed.
-pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
-    let bytes = std::fs::read(path).map_err(Error::io(path, "read"))?;
-    let mut reader = Reader::new(path, options);
-    for line in bytes.split(|byte| *byte == b'\n') {
-        reader.line += 1;
-        if !reader.read_line(line.strip_suffix(b"\r").unwrap_or(line))? {
-            break;
-        }
-    }
-    if reader.program.moves.is_empty() && reader.program.unplaced == 0 {
-        let what = "has no moves";
-        return Err(Error::input(
-            path,
-            "end",
-            what,
-            "give a milling program, with G0 to G3 or drilling cycles",
-        ));
-    }
-    Ok(reader.program)
+/// What comes after a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum After {
+    /// The next one.
+    Next,
+    /// Nothing: the program ends.
+    End,
+    /// A subprogram by its number, so often.
+    Call { number: u64, repeats: Option<u64> },
+    /// What called this subprogram.
+    Return,
 }
 
 /// Motion that lines with coordinates alone repeat.
@@ -97,40 +35,42 @@ enum Motion {
     Cycle,
 }
 
-struct Reader<'a> {
-    path: &'a Path,
-    options: &'a ProgramOptions,
-    line: u64,
-    program: Program,
+pub(super) struct Reader<'a> {
+    pub out: Moves<'a>,
     motion: Option<Motion>,
     /// Across the plane of arcs: 2 for G17, 1 for G18, 0 for G19.
-    normal: usize,
+    pub(super) normal: usize,
     /// mm in the unit of the program.
-    unit: f64,
+    pub(super) unit: f64,
     relative: bool,
     /// Centres of arcs are given as positions.
     absolute_centres: bool,
     /// Where the tip is, in the part's coordinates; `None` where it is not told.
-    at: [Option<f64>; 3],
-    degrees: [f64; 3],
+    pub(super) at: [Option<f64>; 3],
+    pub(super) degrees: [f64; 3],
     /// Work offsets, and the one that counts.
     systems: [[f64; 3]; 9],
     system: usize,
     /// What G92 has added.
     shift: [f64; 3],
     cycle: Cycle,
-    /// The tool that T has named, and the one in the spindle.
+    /// The tool that T has named.
     next: u32,
-    tool: u32,
-    named: BTreeMap<u32, Tool>,
+    /// The contour of G41 or G42 that is being read.
+    pub(super) contour: Option<Compensation>,
+    /// The number that D has named, and radii that the program sets, in mm.
+    pub(super) register: Option<u32>,
+    pub(super) radii: BTreeMap<u32, f64>,
+    /// Where the tip is after G40, until the next move leads to a place that is programmed.
+    pub(super) tip: Option<[f64; 3]>,
 }
 
 /// The words of a line that are not codes.
 #[derive(Default)]
-struct Values(BTreeMap<u8, f64>);
+pub(super) struct Values(BTreeMap<u8, f64>);
 
 impl Values {
-    fn get(&self, letter: u8) -> Option<f64> {
+    pub fn get(&self, letter: u8) -> Option<f64> {
         self.0.get(&letter).copied()
     }
 
@@ -140,12 +80,9 @@ impl Values {
 }
 
 impl<'a> Reader<'a> {
-    fn new(path: &'a Path, options: &'a ProgramOptions) -> Reader<'a> {
+    pub fn new(out: Moves<'a>) -> Reader<'a> {
         Reader {
-            path,
-            options,
-            line: 0,
-            program: Program::default(),
+            out,
             motion: None,
             normal: 2,
             unit: 1.0,
@@ -158,41 +95,42 @@ impl<'a> Reader<'a> {
             shift: [0.0; 3],
             cycle: Cycle { back_to_start: true, ..Cycle::default() },
             next: 0,
-            tool: 0,
-            named: BTreeMap::new(),
+            contour: None,
+            register: None,
+            radii: BTreeMap::new(),
+            tip: None,
         }
     }
 
-    fn fault(&self, word: &[u8], what: &str) -> Error {
-        let word = String::from_utf8_lossy(word).into_owned();
-        Error::input(
-            self.path,
-            format!("line {}", self.line),
-            format!("{word:?} {what}"),
-            "correct the line, or post-process the program anew",
-        )
+    /// The program that was read.
+    pub fn finished(mut self) -> Result<Program> {
+        self.end_contour()?;
+        self.out.finished()
     }
 
-    /// False at the program's end.
-    fn read_line(&mut self, line: &[u8]) -> Result<bool> {
+    /// Carries a line out.
+    pub fn read_line(&mut self, line: &[u8]) -> Result<After> {
         let line = line.trim_ascii();
         self.read_comments(line);
         // A mark of tapes, and lines that may be skipped.
         let line = line.strip_prefix(b"/").unwrap_or(line);
         if line.starts_with(b"%") {
-            return Ok(true);
+            return Ok(After::Next);
         }
         let (mut codes, mut values, mut machine) = (Vec::new(), Values::default(), Vec::new());
         let mut words = Words::new(line);
         while let Some(word) = words.next() {
-            let word = word.map_err(|malformed| self.fault(malformed.text, malformed.what))?;
+            let word = word.map_err(|malformed| self.out.fault(malformed.text, malformed.what))?;
             let Word { letter, text, .. } = word;
             let value = match word.value {
                 Some(value) if letter != NAMED => value,
-                _ => return Err(self.fault(text, "is an expression or a name, which is not read")),
+                _ => {
+                    let what = "is an expression or a name, which is not read";
+                    return Err(self.out.refused(text, what, "post-process without macros and variables"));
+                }
             };
             if value.abs() > 1e9 {
-                return Err(self.fault(text, "is out of range"));
+                return Err(self.out.fault(text, "is out of range"));
             }
             match letter {
                 b'G' => codes.push((scaled(value), text)),
@@ -201,7 +139,7 @@ impl<'a> Reader<'a> {
                 b'N' | b'S' | b'F' | b'O' => {}
                 _ => {
                     if values.0.insert(letter, value).is_some() {
-                        return Err(self.fault(text, "stands twice in the line"));
+                        return Err(self.out.fault(text, "stands twice in the line"));
                     }
                 }
             }
@@ -214,7 +152,7 @@ impl<'a> Reader<'a> {
         let parts = text.split('(').skip(1).filter_map(|part| part.split(')').next());
         for comment in parts.chain(text.split_once(';').map(|(_, comment)| comment)) {
             if let Some((number, tool)) = Tool::of_comment(comment, self.unit) {
-                self.named.insert(number, tool);
+                self.out.named.insert(number, tool);
             }
         }
     }
@@ -224,12 +162,18 @@ impl<'a> Reader<'a> {
         codes: &[(i64, &[u8])],
         values: &Values,
         machine: &[(i64, &[u8])],
-    ) -> Result<bool> {
+    ) -> Result<After> {
         if let Some(number) = values.get(b'T') {
             self.next = number as u32;
         }
+        if let Some(number) =
+            values.get(b'D').filter(|_| !codes.iter().any(|(code, _)| matches!(code, 411 | 421)))
+        {
+            self.register = Some(number as u32);
+        }
+        self.require_outside_contour(codes, machine)?;
         if machine.iter().any(|(code, _)| *code == 6) {
-            self.tool = self.next;
+            self.out.tool = self.next;
         }
         let mut takes_words = false;
         let mut in_machine = false;
@@ -272,18 +216,20 @@ impl<'a> Reader<'a> {
                 530 => in_machine = true,
                 40 => takes_words = true,
                 // Length of the tool: the tip goes where it is told to. Speeds, ways to round corners, and the like.
-                430 | 434 | 435 | 490 | 400 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150
-                | 690 => {}
+                430 | 434 | 435 | 490 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150 | 690 => {}
                 code if Cycle::begins(code) => {
                     self.motion = Some(Motion::Cycle);
                     if !self.cycle.on {
                         self.cycle = Cycle { on: true, depth: None, retract: None, ..self.cycle };
                     }
                 }
-                410 | 420 => {
-                    return Err(self.fault(text, "corrects for the radius of the tool, which is not read: post-process for the tool's centre"));
+                400 => self.end_contour()?,
+                410 | 420 | 411 | 421 => self.begin_contour(code, values, text)?,
+                650 | 660 | 670 => {
+                    let what = "calls a macro, which is not read";
+                    return Err(self.out.refused(text, what, "post-process without macros and variables"));
                 }
-                _ => return Err(self.fault(text, "is not read")),
+                _ => return Err(self.out.fault(text, "is not read")),
             }
         }
         if !takes_words && values.any(b"XYZABCIJKR") {
@@ -293,7 +239,42 @@ impl<'a> Reader<'a> {
                 self.travel(values)?;
             }
         }
-        Ok(!machine.iter().any(|(code, _)| matches!(code, 2 | 30)))
+        self.after(values, machine)
+    }
+
+    /// What the M codes of a line say of the next one.
+    fn after(&self, values: &Values, machine: &[(i64, &[u8])]) -> Result<After> {
+        for &(code, text) in machine {
+            match code {
+                2 | 30 => return Ok(After::End),
+                98 => {
+                    let whole =
+                        |letter: u8| values.get(letter).filter(|value| *value >= 0.0 && value.fract() == 0.0);
+                    let Some(number) = whole(b'P') else {
+                        let what =
+                            "calls what stands in another file, or nothing: it needs P with a whole number";
+                        return Err(self.out.refused(
+                            text,
+                            what,
+                            "put the subprograms into the file, behind the program's end",
+                        ));
+                    };
+                    let repeats = whole(b'L').or(whole(b'K')).map(|times| times as u64);
+                    return Ok(After::Call { number: number as u64, repeats });
+                }
+                99 if values.any(b"PQ") => {
+                    return Err(self.out.fault(text, "goes to a block by its number, which is not read"));
+                }
+                99 => return Ok(After::Return),
+                96 | 97 | 198 => {
+                    return Err(self
+                        .out
+                        .fault(text, "calls by a block's number or from another file, which is not read"));
+                }
+                _ => {}
+            }
+        }
+        Ok(After::Next)
     }
 
     /// G10 L2 P… sets a work offset.
@@ -309,8 +290,14 @@ impl<'a> Reader<'a> {
                 }
                 Ok(())
             }
+            (Some(1 | 12), Some(number)) => {
+                if let Some(radius) = values.get(b'R') {
+                    self.radii.insert(number as u32, radius * self.unit);
+                }
+                Ok(())
+            }
             (Some(1 | 10 | 11), _) => Ok(()),
-            _ => Err(self.fault(text, "sets what is not read; use L2 with P1 to P9")),
+            _ => Err(self.out.fault(text, "sets what is not read; use L2 with P1 to P9")),
         }
     }
 
@@ -325,11 +312,13 @@ impl<'a> Reader<'a> {
 
     /// Home, along the axes that are named, or all: where that is, no program tells.
     fn go_home(&mut self, values: &Values) {
+        self.tip = None;
         if values.any(b"XYZ") { self.forget(values) } else { self.at = [None; 3] }
     }
 
     /// A move in the machine's coordinates, which say nothing of the part.
     fn forget(&mut self, values: &Values) {
+        self.tip = None;
         for (a, letter) in b"XYZ".iter().enumerate() {
             if values.get(*letter).is_some() {
                 self.at[a] = None;
@@ -346,11 +335,13 @@ impl<'a> Reader<'a> {
                 (false, _) => Some(value + self.systems[self.system][a] + self.shift[a]),
                 (true, Some(at)) => Some(at + value),
                 (true, None) => {
-                    return Err(self.fault(&[*letter], "counts from a place that the program does not tell"));
+                    return Err(self
+                        .out
+                        .fault(&[*letter], "counts from a place that the program does not tell"));
                 }
             };
             if to[a].is_some_and(|c| c.abs() > POSITION_MAX) {
-                return Err(self.fault(&[*letter], "is out of range"));
+                return Err(self.out.fault(&[*letter], "is out of range"));
             }
         }
         Ok(to)
@@ -358,14 +349,20 @@ impl<'a> Reader<'a> {
 
     fn travel(&mut self, values: &Values) -> Result<()> {
         let Some(motion) = self.motion else {
-            return Err(self.fault(b"X Y Z", "stand before any of G0 to G3 or a drilling cycle"));
+            return Err(self.out.fault(b"X Y Z", "stand before any of G0 to G3 or a drilling cycle"));
         };
         let degrees = self.turned(values);
         match motion {
+            Motion::Cycle if self.contour.is_some() => {
+                Err(self.out.fault(b"G81", "drills within a correction for the radius of the tool"))
+            }
             Motion::Cycle => self.drill(values),
             Motion::Arc { clockwise } => self.arc(values, clockwise),
             Motion::Rapid | Motion::Straight => {
                 let to = self.target(values)?;
+                if self.contour.is_some() {
+                    return self.along_contour(to, degrees, motion == Motion::Rapid, None);
+                }
                 self.go(to, degrees, motion == Motion::Rapid)
             }
         }
@@ -384,69 +381,38 @@ impl<'a> Reader<'a> {
 
     /// Goes straight to a place, as far as both ends are known.
     fn go(&mut self, to: [Option<f64>; 3], degrees: [f64; 3], rapid: bool) -> Result<()> {
-        match (known(self.at), known(to)) {
+        let from = self.tip.take().or(known(self.at));
+        match (from, known(to)) {
             (Some(from), Some(to)) => self.push(from, to, degrees, rapid)?,
-            _ if rapid => self.program.unplaced += 1,
+            _ if rapid => self.out.program.unplaced += 1,
             _ => {
                 let what = "cuts from a place that the program does not tell: it must be reached by G0 with X, Y and Z first";
-                return Err(self.fault(b"G1", what));
+                return Err(self.out.fault(b"G1", what));
             }
         }
         (self.at, self.degrees) = (to, degrees);
         Ok(())
     }
 
-    /// Adds a straight move, in steps where the tool turns.
-    fn push(&mut self, from: [f64; 3], to: [f64; 3], degrees: [f64; 3], rapid: bool) -> Result<()> {
-        let tool = self.tool_in_use()?;
-        let turn = (0..3).map(|a| (degrees[a] - self.degrees[a]).abs()).fold(0.0, f64::max);
-        // Angles are small: the sine is the angle.
-        let steps = ((turn.to_radians() / self.options.turn).ceil()).clamp(1.0, 1e6) as u32;
+    /// Adds a straight move; the angles of the head change evenly along it.
+    pub(super) fn push(
+        &mut self,
+        from: [f64; 3],
+        to: [f64; 3],
+        degrees: [f64; 3],
+        rapid: bool,
+    ) -> Result<()> {
         let begin = self.degrees;
-        for step in 0..steps {
-            let part = |n: u32| f64::from(n) / f64::from(steps);
-            let between = |n: u32| [0, 1, 2].map(|a| from[a] + (to[a] - from[a]) * part(n));
-            let middle = (part(step) + part(step + 1)) * 0.5;
-            let axis = tilt::axis([0, 1, 2].map(|a| begin[a] + (degrees[a] - begin[a]) * middle));
-            let end = if step + 1 == steps { to } else { between(step + 1) };
-            if self.program.moves.len() == MOVES_MAX {
-                return Err(self.fault(b"G", "makes more moves than can be followed"));
-            }
-            let begins = if step == 0 { from } else { between(step) };
-            self.program.moves.push(Move { line: self.line, rapid, tool, from: begins, to: end, axis });
-        }
-        if turn > 0.0 {
-            self.program.turning_steps += u64::from(steps);
-        }
-        Ok(())
-    }
-
-    /// The place of the tool in the list of those in use.
-    fn tool_in_use(&mut self) -> Result<u32> {
-        let number = self.tool;
-        if let Some(at) = self.program.tools.iter().position(|(n, _)| *n == number) {
-            return Ok(at as u32);
-        }
-        let found =
-            self.options.tools.get(&number).or(self.named.get(&number)).or(self.options.tool.as_ref());
-        let Some(tool) = found.copied() else {
-            return Err(Error::input(
-                self.path,
-                format!("line {}", self.line),
-                format!("moves with tool T{number}, of which nothing is known"),
-                format!(
-                    "give it, as by `tool` {number}=flat:6mm, or by a comment (T{number} D=6. CR=0. - flat end mill)"
-                ),
-            ));
-        };
-        self.program.tools.push((number, tool));
-        Ok(self.program.tools.len() as u32 - 1)
+        // Turns about several axes at once add up at most.
+        let turn: f64 = (0..3).map(|a| (degrees[a] - begin[a]).abs()).sum();
+        let axis = |part: f64| tilt::axis([0, 1, 2].map(|a| begin[a] + (degrees[a] - begin[a]) * part));
+        self.out.push((from, to), rapid, turn.to_radians(), axis)
     }
 
     fn arc(&mut self, values: &Values, clockwise: bool) -> Result<()> {
         let to = self.target(values)?;
         let (Some(from), Some(end)) = (known(self.at), known(to)) else {
-            return Err(self.fault(b"G2", "begins at a place that the program does not tell"));
+            return Err(self.out.fault(b"G2", "begins at a place that the program does not tell"));
         };
         // The plane's axes, so that counter-clockwise is seen against its normal.
         let (u, v) = match self.normal {
@@ -471,14 +437,23 @@ impl<'a> Reader<'a> {
         // P counts turns; the last one is the arc itself.
         let turns = values.get(b'P').map_or(0, |turns| (turns.clamp(1.0, 1e4) - 1.0) as u32);
         let arc = Arc { start: [from[u], from[v]], end: [end[u], end[v]], centre, clockwise, turns };
-        let chords = arc.chords(self.options.arc_tolerance).map_err(|what| self.fault(b"G2", what))?;
+        let chords =
+            arc.chords(self.out.options.arc_tolerance).map_err(|what| self.out.fault(b"G2", what))?;
         let limit = 0.05_f64.max(0.001 * chords.length);
         if chords.mismatch > limit {
-            return Err(
-                self.fault(b"I J K", "are no centre of this arc: its ends are at different distances")
-            );
+            return Err(self
+                .out
+                .fault(b"I J K", "are no centre of this arc: its ends are at different distances"));
         }
         let (mut last, degrees) = (from, self.turned(values));
+        if self.contour.is_some() {
+            let centre = arc.centre_offset().map_err(|what| self.out.fault(b"G2", what))?;
+            return self.along_contour(to, degrees, false, Some((centre, clockwise, turns)));
+        }
+        if self.tip.take().is_some_and(|tip| tip != from) {
+            let what = "follows G40, after which a straight move must lead from beside the contour";
+            return Err(self.out.fault(b"G2", what));
+        }
         for (point, part) in chords.inner_points() {
             let mut place = [0.0; 3];
             (place[u], place[v]) = (point[0], point[1]);
@@ -487,8 +462,8 @@ impl<'a> Reader<'a> {
             last = place;
         }
         self.push(last, end, degrees, false)?;
-        self.program.arcs += 1;
-        self.program.chord_error = self.program.chord_error.max(self.options.arc_tolerance);
+        self.out.program.arcs += 1;
+        self.out.program.chord_error = self.out.program.chord_error.max(self.out.options.arc_tolerance);
         (self.at, self.degrees) = (to, degrees);
         Ok(())
     }
@@ -496,28 +471,28 @@ impl<'a> Reader<'a> {
     /// The holes of a line within a cycle.
     fn drill(&mut self, values: &Values) -> Result<()> {
         if self.normal != 2 {
-            return Err(self.fault(b"G81", "drills in another plane than G17, which is not read"));
+            return Err(self.out.fault(b"G81", "drills in another plane than G17, which is not read"));
         }
         let z = self.systems[self.system][2] + self.shift[2];
         let Some(begin) = self.at[2] else {
-            return Err(self.fault(b"G81", "drills from a height that the program does not tell"));
+            return Err(self.out.fault(b"G81", "drills from a height that the program does not tell"));
         };
         let height = |value: f64, from: f64| if self.relative { from + value } else { value + z };
         if let Some(retract) = values.get(b'R') {
             self.cycle.retract = Some(height(retract * self.unit, begin));
         }
         let Some(retract) = self.cycle.retract else {
-            return Err(self.fault(b"G81", "has no R, the height from which it feeds"));
+            return Err(self.out.fault(b"G81", "has no R, the height from which it feeds"));
         };
         if let Some(depth) = values.get(b'Z') {
             self.cycle.depth = Some(height(depth * self.unit, retract));
         }
         let Some(depth) = self.cycle.depth else {
-            return Err(self.fault(b"G81", "has no Z, the depth of the hole"));
+            return Err(self.out.fault(b"G81", "has no Z, the depth of the hole"));
         };
         let repeats = values.get(b'L').or(values.get(b'K')).unwrap_or(1.0);
         if !(0.0..=REPEATS_MAX).contains(&repeats) {
-            return Err(self.fault(b"L", "repeats a hole too often"));
+            return Err(self.out.fault(b"L", "repeats a hole too often"));
         }
         let degrees = self.turned(values);
         for _ in 0..repeats as u32 {
@@ -537,7 +512,7 @@ impl<'a> Reader<'a> {
 }
 
 /// A place of which all coordinates are known.
-fn known([x, y, z]: [Option<f64>; 3]) -> Option<[f64; 3]> {
+pub(super) fn known([x, y, z]: [Option<f64>; 3]) -> Option<[f64; 3]> {
     Some([x?, y?, z?])
 }
 

@@ -4,18 +4,35 @@ use super::*;
 use crate::error::Result;
 use std::collections::BTreeMap;
 
-fn read_text(text: &str) -> Result<Program> {
-    let file = tempfile::NamedTempFile::new().unwrap();
-    std::fs::write(file.path(), text).unwrap();
-    let tool = Some("flat:6mm".parse().unwrap());
-    read(file.path(), &ProgramOptions { tools: BTreeMap::new(), tool, arc_tolerance: 0.01, turn: 0.02 })
+pub(super) fn read_text(text: &str) -> Result<Program> {
+    read_named("p.nc", text.as_bytes())
 }
 
-/// Ends of moves, with R for rapid ones.
-fn ends(text: &str) -> Vec<String> {
+pub(super) fn read_named(name: &str, bytes: &[u8]) -> Result<Program> {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    let tool = Some("flat:6mm".parse().unwrap());
+    read(
+        &path,
+        &ProgramOptions {
+            tools: BTreeMap::new(),
+            tool,
+            radii: BTreeMap::from([(7, 2.0)]),
+            arc_tolerance: 0.01,
+            turn: 0.02,
+        },
+    )
+}
+
+/// The end of a move, with R if it is a rapid one.
+pub(super) fn told(m: &Move) -> String {
+    format!("{}{:?}", if m.rapid { "R" } else { "" }, m.to.map(|c| (c * 1e3).round() / 1e3))
+}
+
+/// Ends of moves.
+pub(super) fn ends(text: &str) -> Vec<String> {
     let program = read_text(text).unwrap_or_else(|error| panic!("{error}"));
-    let told =
-        |m: &Move| format!("{}{:?}", if m.rapid { "R" } else { "" }, m.to.map(|c| (c * 1e3).round() / 1e3));
     program.moves.iter().map(told).collect()
 }
 
@@ -121,7 +138,7 @@ fn what_cannot_be_followed_names_line_and_word() {
     for (text, words) in [
         ("G0 X0 Y0 Z0\nG1 X\n", ["line 2", "\"X\" has no number"]),
         ("G0 X0 Y0 Z0\n\nG1 Xa5\n", ["line 3", "Xa5"]),
-        ("G0 X0 Y0 Z0\nG41 X3\n", ["line 2", "\"G41\" corrects"]),
+        ("G0 X0 Y0 Z0\nG41 X3 D3\n", ["line 2", "\"G41\" corrects for the radius D3"]),
         ("G0 X0 Y0 Z0\nG77 X3\n", ["line 2", "\"G77\" is not read"]),
         ("G1 X0 Y0 Z0\n", ["line 1", "\"G1\" cuts from a place"]),
         ("X3\n", ["line 1", "stand before any"]),

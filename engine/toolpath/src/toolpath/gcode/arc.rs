@@ -60,10 +60,7 @@ impl Arc {
     /// # Errors
     /// If no such arc exists, with the reason.
     pub(crate) fn chords(&self, tolerance: f64) -> Result<Chords, &'static str> {
-        let offset = match self.centre {
-            Centre::Offset(offset) => offset,
-            Centre::Radius(radius) => self.offset_by_radius(radius)?,
-        };
+        let offset = self.centre_offset()?;
         let centre = [self.start[0] + offset[0], self.start[1] + offset[1]];
         let first = [-offset[0], -offset[1]];
         let last = [self.end[0] - centre[0], self.end[1] - centre[1]];
@@ -108,6 +105,17 @@ impl Arc {
         match chords.count() {
             ..=CHORDS_MAX => Ok(chords),
             _ => Err("the arc has so many turns that they become more than a million chords"),
+        }
+    }
+
+    /// The centre from the start.
+    ///
+    /// # Errors
+    /// If no such arc exists, with the reason.
+    pub(crate) fn centre_offset(&self) -> Result<[f64; 2], &'static str> {
+        match self.centre {
+            Centre::Offset(offset) => Ok(offset),
+            Centre::Radius(radius) => self.offset_by_radius(radius),
         }
     }
 
