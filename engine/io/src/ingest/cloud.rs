@@ -1,13 +1,47 @@
-//! Point clouds: PLY without faces, PCD, and text with a point a line.
+//! Point clouds: PLY without faces, PCD, LAS, E57, and text with a point a line.
 
 use super::columns::{CloudColumns, NormalLengths, short};
 use super::origin::Origin;
-use super::{InputKind, cloud_text, detect, pcd, ply};
+use super::{InputKind, cloud_text, detect, e57, las, pcd, ply};
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
 use crate::soup::PointCloud;
 use std::path::{Path, PathBuf};
+
+/// A format of point clouds.
+pub(super) struct CloudFormat {
+    /// Its name where a file is one.
+    pub name: &'static str,
+    /// The name of what is in it.
+    described: &'static str,
+    tell: fn(&Path, &[u8]) -> bool,
+    read: fn(&Path, &[u8], &dyn Progress) -> Result<(PointCloud, CloudColumns)>,
+}
+
+/// Formats that are told by their content.
+#[rustfmt::skip]
+static FORMATS: [CloudFormat; 4] = [
+    CloudFormat { name: "PLY", described: "PLY points", tell: is_ply_cloud, read: ply::read_cloud },
+    CloudFormat { name: "PCD", described: "PCD points", tell: |_, bytes| pcd::is_pcd(bytes), read: pcd::read },
+    CloudFormat { name: "LAS", described: "LAS points", tell: |_, bytes| las::is_las(bytes), read: las::read },
+    CloudFormat { name: "E57", described: "E57 points", tell: |_, bytes| e57::is_e57(bytes), read: e57::read },
+];
+
+/// Points as text, if a file is nothing else.
+static TEXT: CloudFormat =
+    CloudFormat { name: "XYZ", described: "XYZ points", tell: |_, _| true, read: cloud_text::read };
+
+fn is_ply_cloud(path: &Path, bytes: &[u8]) -> bool {
+    ply::is_ply(bytes) && ply::has_faces(path, bytes).is_ok_and(|has_faces| !has_faces)
+}
+
+impl CloudFormat {
+    /// That of a file, if its content tells it.
+    pub(super) fn of(path: &Path, bytes: &[u8]) -> Option<&'static CloudFormat> {
+        FORMATS.iter().find(|format| (format.tell)(path, bytes))
+    }
+}
 
 /// A point cloud, opened or in memory.
 #[derive(Debug)]
@@ -22,8 +56,8 @@ pub struct CloudInput {
 }
 
 impl CloudInput {
-    /// Whether a file is a point cloud: a PLY without faces, a PCD, or text that ends in .xyz, .pts or .asc, or holds nothing but
-    /// lines of numbers.
+    /// Whether a file is a point cloud: a PLY without faces, a PCD, LAS, LAZ or E57, or text that ends in .xyz, .pts or
+    /// .asc, or holds nothing but lines of numbers.
     ///
     /// # Errors
     /// If the file is missing.
@@ -34,8 +68,9 @@ impl CloudInput {
         Ok(matches!(kind, InputKind::Cloud(_)))
     }
 
-    /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY or PCD, with its normals if it has those; or
-    /// text, whose columns have names or are understood by their numbers.
+    /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY, PCD, LAS or E57, with its normals if it has
+    /// those; or text, whose columns have names or are understood by their numbers. LAZ and E57 take the features `las` and
+    /// `e57`.
     ///
     /// # Errors
     /// If the file is missing or damaged, has no points, has a coordinate that is not finite, or is changed meanwhile: the
@@ -45,17 +80,18 @@ impl CloudInput {
         let bytes = file.bytes();
         file.advise(Access::Sequential);
         progress.phase("reading", Some(file.len()), "bytes");
-        let (read, format) = if ply::is_ply(bytes) {
-            (ply::read_cloud(path, bytes, progress), "PLY points")
-        } else if pcd::is_pcd(bytes) {
-            (pcd::read(path, bytes, progress), "PCD points")
-        } else {
-            (cloud_text::read(path, bytes, progress), "XYZ points")
-        };
+        let CloudFormat { described, read, .. } = CloudFormat::of(path, bytes).unwrap_or(&TEXT);
+        let read = read(path, bytes, progress);
         file.check()?;
         let (cloud, columns) = read?;
         check(&cloud, path)?;
-        Ok(CloudInput { path: path.to_owned(), origin: Origin::File(file), format, cloud, columns })
+        Ok(CloudInput {
+            path: path.to_owned(),
+            origin: Origin::File(file),
+            format: described,
+            cloud,
+            columns,
+        })
     }
 
     /// A point cloud in memory, with an outward normal of any length for each point, or with none. Messages and stores call
@@ -124,7 +160,7 @@ impl CloudInput {
         &self.path
     }
 
-    /// The format: "PLY points", "XYZ points" or "points in memory".
+    /// The format: "PLY points", "PCD points", "LAS points", "E57 points", "XYZ points" or "points in memory".
     pub fn describe(&self) -> &'static str {
         self.format
     }

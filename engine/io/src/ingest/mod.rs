@@ -12,6 +12,7 @@ mod cloud;
 mod cloud_text;
 mod columns;
 mod detect;
+mod e57;
 mod fields;
 mod foreign;
 mod formats;
@@ -19,6 +20,9 @@ mod formats;
 #[doc(hidden)]
 pub mod fuzz;
 mod gltf;
+#[cfg(any(test, feature = "las", feature = "e57"))]
+mod guarded;
+mod las;
 mod obj;
 mod off;
 mod origin;
