@@ -79,8 +79,8 @@ the cells along a side and takes about four times the time and space.
 Of toolpaths the cells are then at most 0.4 of the least bead height and width, leaving out the least 1 % of the deposited \
 length. They are never in step with the layers. What a build of toolpaths will take is told before it begins.
 
-Point clouds are PLY without faces, or text with a point a line (.xyz, .pts, .asc). Their columns have names, or are \
-understood by their numbers. They need normals, or --estimate-normals. Every point counts as a dipole with the area that its \
+Point clouds are PLY without faces, PCD, LAS, LAZ (also COPC), E57, or text with a point a line (.xyz, .pts, .asc), whose \
+columns have names or are understood by their numbers. E57 is read in mm; LAS says no unit, so give --unit. Clouds need normals, or --estimate-normals. Every point counts as a dipole with the area that its \
 nearest neighbours leave it, spread over a small ball.
 
 Without --depth and --cell the cells are about half as large as the points are apart.
@@ -571,7 +571,7 @@ fn inputs_of_build() -> String {
     let meshes: Vec<String> = mesh_endings().map(str::to_uppercase).collect();
     let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
     format!(
-        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, PCD, XYZ; or \
+        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, PCD, LAS, LAZ, E57, XYZ; or \
          one volume: {}",
         meshes.join(", "),
         volumes.join(", ")

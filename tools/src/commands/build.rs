@@ -23,7 +23,7 @@ use brickfield_engine::build::{
     build_planned,
 };
 use brickfield_engine::contour::{ContourOptions, MeshSink};
-use brickfield_engine::ingest::{Input, OpenOptions};
+use brickfield_engine::ingest::{CloudInput, Input, OpenOptions};
 use brickfield_engine::store::{AcceptedStores, BrickTree, Refine, Store};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -204,6 +204,20 @@ pub(super) fn settle_unit(request: &mut BuildRequest, inputs: &[Input]) -> Resul
     Ok(())
 }
 
+/// E57 counts in metres and is read in mm, as every input that says its unit.
+fn settle_unit_of_clouds(request: &mut BuildRequest, clouds: &[CloudInput]) -> Result<(), Failure> {
+    let in_mm = clouds.iter().filter(|cloud| cloud.is_in_millimetres()).count();
+    if in_mm == 0 || request.units == Unit::Mm {
+        return Ok(());
+    }
+    if in_mm < clouds.len() {
+        let what = "E57 is read in mm, from its metres: give the other clouds in mm, and leave it out";
+        return Err(Failure::Usage(format!("--unit {}: {what}", request.units)));
+    }
+    count_in_mm(request);
+    Ok(())
+}
+
 fn count_in_mm(request: &mut BuildRequest) {
     let factor = request.units.millimetres();
     if let Resolution::Cell(cell) = &mut request.options.resolution {
@@ -245,6 +259,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     request.toolpath.require_features(features_of(&inputs))?;
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     settle_unit(&mut request, &inputs)?;
+    settle_unit_of_clouds(&mut request, clouds.as_deref().unwrap_or_default())?;
     choose_solids(&mut request, &inputs, clouds.is_some())?;
     let chosen = request.choose_device(clouds.is_some())?;
     let open_seconds = started.elapsed().as_secs_f64();

@@ -165,6 +165,11 @@ impl CloudInput {
         self.format
     }
 
+    /// Whether the format says its unit, so that positions are in millimetres.
+    pub fn is_in_millimetres(&self) -> bool {
+        self.format == "E57 points"
+    }
+
     /// Size of the file, or of the arrays, in bytes.
     pub fn bytes(&self) -> u64 {
         self.origin.len()
