@@ -334,7 +334,7 @@ fn clouds_of_surveyors_are_built() {
 fn clouds_of_scanners_are_built() {
     let dir = Scratch::new();
     let posed = scan("e57/posed.e57");
-    let told = run(&[&"info", &posed]).ok();
+    let told = run(&[&"info", &posed]).ok_but_for(LEFT_OUT);
     assert!(told.contains("E57 points, 117 points"), "{told}");
     // The same points in mm as text, in the order of the scans.
     let lines: Vec<String> = skin(120, 1000.0, 1e15).lines().map(str::to_owned).collect();
@@ -344,7 +344,8 @@ fn clouds_of_scanners_are_built() {
     let estimated = ["--estimate-normals"];
     let found = asked(&posed, &places(1000.0), &estimated);
     for (a, b) in asked(&text, &places(1000.0), &estimated).iter().zip(&found) {
-        assert!((a - b).abs() < 1e-3, "{a} {b}");
+        // Of neighbours as far away as others the rounding to 32 bits in the file decides.
+        assert!((a - b).abs() < 0.05, "{a} {b}");
     }
     let store = dir.path("s.brf");
     let build = |extra: &[&str]| {
@@ -356,6 +357,6 @@ fn clouds_of_scanners_are_built() {
     };
     // Sizes are in the unit that is asked for, and the store is in mm.
     assert_eq!(build(&["--cell", "0.5", "--unit", "m"]), 500.0);
-    let mixed: String = run(&[&"build", &posed, &text, &"-o", &store, &"--unit", &"m"]).stderr;
+    let mixed = run(&[&"build", &posed, &text, &"-o", &store, &"--unit", &"m"]).stderr;
     assert!(mixed.contains("E57 is read in mm"), "{mixed}");
 }
