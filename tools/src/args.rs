@@ -6,7 +6,7 @@ use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::distance_args::{DeviationArgs, OffsetArgs, ThicknessArgs};
 use crate::layer_args::{LayersArgs, OverlapArgs};
 use crate::machine_args::MachineArgs;
-pub use crate::mesh_args::MeshArgs;
+pub use crate::mesh_args::{MeshArgs, OriginArg};
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
 use crate::shell_args::{CompletionsArgs, ManArgs};
@@ -225,6 +225,9 @@ pub struct BuildArgs {
     pub restart: bool,
     #[arg(long, value_name = "OUT", help = format!("Also write the boundary mesh, w = 0.5, as {}", listed_mesh_endings(" or ")))]
     pub mesh: Option<PathBuf>,
+    /// Count the coordinates of --mesh from another origin, as in `mesh --origin`: `auto` or x,y,z
+    #[arg(long, value_name = "ORIGIN", requires = "mesh", allow_hyphen_values = true)]
+    pub origin: Option<OriginArg>,
     /// Print the summary as JSON
     #[arg(long)]
     pub json: bool,

@@ -4,7 +4,7 @@ use super::build_report::{BuildReport, CloudText};
 use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
 use super::{build_plan, build_volume};
 use super::{features_of, open_inputs, open_store, start};
-use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, RefineArg};
+use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, OriginArg, RefineArg};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{BackendArgs, ComputeDevice, DeviceCheckArg, choose};
@@ -52,6 +52,7 @@ pub(super) struct BuildRequest {
     device_check: DeviceCheckArg,
     pub(super) memory: Option<Size>,
     mesh: Option<PathBuf>,
+    origin: Option<OriginArg>,
     pub(super) json: bool,
     pub(super) work: WorkArgs,
 }
@@ -126,6 +127,7 @@ impl TryFrom<BuildArgs> for BuildRequest {
             device_check,
             memory,
             mesh,
+            origin,
             json,
             beads_as,
             count,
@@ -151,6 +153,7 @@ impl TryFrom<BuildArgs> for BuildRequest {
             device_check,
             memory,
             mesh,
+            origin,
             json,
             work,
         })
@@ -327,7 +330,7 @@ fn mesh_of(
     summary: &mut BuildSummary,
     bars: &Bars,
 ) -> Result<Option<MeshReport>, Failure> {
-    let (Some(path), Some(mut sink)) = (&request.mesh, sink) else { return Ok(None) };
+    let (Some(path), Some(sink)) = (&request.mesh, sink) else { return Ok(None) };
     let begun = Instant::now();
     let options = ContourOptions {
         cache_bytes: request.cache_bytes() as usize,
@@ -335,7 +338,7 @@ fn mesh_of(
         ..ContourOptions::default()
     };
     require_mesh_space(store, path, (options.iso, None), request.work.quiet)?;
-    let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
+    let mut report = write_mesh(store, &options, path, (sink, request.origin), bars)?;
     summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
     report.compare(store, &options, bars)?;
     Ok(Some(report))

@@ -8,6 +8,7 @@ mod ply;
 mod stl;
 mod three_mf;
 mod three_mf_parts;
+mod vtp;
 
 use super::cut::MeshTriangle;
 use super::cut::{Cuts, encoded};
@@ -16,10 +17,13 @@ use crate::part::PartFile;
 use std::path::Path;
 
 pub(super) use arrays::triples;
+pub use arrays::write_triangles;
 pub use arrays::{DiscardSink, MeshArrays, PositionsSink};
-pub use placed::{Coordinates, DOUBLE_ENDINGS, FaceAttributes, PlacedSink};
+pub use glb::GlbSink;
+pub use placed::{Coordinates, DOUBLE_ENDINGS, FaceAttributes, NUMBER_ENDINGS, PlacedSink};
 pub use ply::ply_faces;
 pub use three_mf_parts::{MeshPart, write_three_mf_parts};
+pub use vtp::{NumbersOf, VtpFile, vtp_corners};
 
 /// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that
 /// keeps a mesh has its own `vertices` and `triangles`, or, with normals, `wants_normals`, `vertices_with_normals` and
@@ -155,12 +159,13 @@ struct MeshFormat {
 
 /// All formats: a new one is a file with its sink and a line here.
 #[rustfmt::skip]
-const FORMATS: [MeshFormat; 5] = [
+const FORMATS: [MeshFormat; 6] = [
     MeshFormat { ending: "stl", note: " (binary)", begin: |file, _, _| Ok(Box::new(stl::StlSink::new(file)?)), has_normals: false },
     MeshFormat { ending: "ply", note: " (binary)", begin: |file, _, normals| Ok(Box::new(ply::PlySink::new(file, normals)?)), has_normals: true },
     MeshFormat { ending: "obj", note: "", begin: |file, _, normals| Ok(Box::new(obj::ObjSink::new(file, normals)?)), has_normals: true },
     MeshFormat { ending: "3mf", note: "", begin: |file, metres, _| Ok(Box::new(three_mf::ThreeMfSink::new(file, metres)?)), has_normals: false },
     MeshFormat { ending: "glb", note: "", begin: |file, metres, normals| Ok(Box::new(glb::GlbSink::new(file, metres, normals)?)), has_normals: true },
+    MeshFormat { ending: "vtp", note: "", begin: |file, _, _| Ok(Box::new(vtp::VtpSink::new(file)?)), has_normals: false },
 ];
 
 /// Endings of the mesh files that are written, in lower case.
@@ -186,7 +191,7 @@ fn listed(all: impl Iterator<Item = String>, last: &str) -> String {
 }
 
 /// A sink for a mesh file by the ending of its name: binary STL, binary little-endian PLY with shared
-/// vertices, OBJ, 3MF, or binary glTF (GLB). The file is written as `<name>.part` beside `path`, and made durable and
+/// vertices, OBJ, 3MF, binary glTF (GLB), or VTK PolyData. The file is written as `<name>.part` beside `path`, and made durable and
 /// renamed when it is finished.
 ///
 /// `metres` is the length of the unit of positions, for the two formats that know lengths; without it positions count
@@ -206,7 +211,7 @@ pub fn create_sink(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>
 ///
 /// # Errors
 ///
-/// [`Error::Setting`] for an unknown ending and for STL and 3MF, whose vertices have no normals, [`Error::Io`] if the file
+/// [`Error::Setting`] for an unknown ending and for STL, 3MF and VTP, whose vertices have no normals, [`Error::Io`] if the file
 /// cannot be made.
 pub fn create_sink_with_normals(path: &Path, metres: Option<f64>) -> Result<Box<dyn MeshSink>> {
     let MeshFormat { begin, has_normals, .. } = format_of(path)?;
@@ -240,7 +245,7 @@ mod tests {
     const POSITIONS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.0, 1e-7], [-3.25, 0.1, 7e8]];
     const TRIANGLES: [[u32; 3]; 2] = [[0, 1, 2], [1, 3, 2]];
 
-    const FORMATS: [&str; 5] = ["a.stl", "a.ply", "a.obj", "a.3mf", "a.glb"];
+    const FORMATS: [&str; 6] = ["a.stl", "a.ply", "a.obj", "a.3mf", "a.glb", "a.vtp"];
     const FORMATS_WITH_NORMALS: [&str; 3] = ["a.ply", "a.obj", "a.glb"];
     const NORMALS: [[f32; 3]; 4] = [[0.0, 0.0, 1.0], [0.6, 0.0, -0.8], [1.0, 0.0, 0.0], [0.1, -0.7, 1e-3]];
 
@@ -457,6 +462,94 @@ mod tests {
         assert_eq!(place([1000.0, 2000.0, 0.0]), [1.0, 0.0, -2.0]);
     }
 
+    /// The attributes of the arrays of a `.vtp`, and the raw bytes.
+    fn read_vtp(bytes: &[u8]) -> (String, &[u8]) {
+        let mark = b"<AppendedData encoding=\"raw\">\n_";
+        let at = bytes.windows(mark.len()).position(|w| w == mark).unwrap();
+        let end = b"\n</AppendedData>\n</VTKFile>\n";
+        assert!(bytes.ends_with(end));
+        let xml = std::str::from_utf8(&bytes[..at]).unwrap().to_owned() + "</VTKFile>";
+        (xml, &bytes[at + mark.len()..bytes.len() - end.len()])
+    }
+
+    /// The bytes of an array.
+    fn vtp_array<'a>(xml: &str, raw: &'a [u8], name: &str) -> &'a [u8] {
+        let arrays = elements(xml, "DataArray");
+        let array = arrays.iter().find(|array| array[1] == name).unwrap();
+        let at = array[4].parse::<usize>().unwrap();
+        let length = u64::from_le_bytes(raw[at..at + 8].try_into().unwrap()) as usize;
+        &raw[at + 8..at + 8 + length]
+    }
+
+    #[test]
+    fn vtp_round_trips() {
+        let dir = tempfile::tempdir().unwrap();
+        let bytes = write(&dir.path().join("a.vtp"));
+        let (xml, raw) = read_vtp(&bytes);
+        let piece = &elements(&xml, "Piece")[0];
+        assert_eq!((piece[0].as_str(), piece[4].as_str()), ("4", "2"));
+        assert_eq!(floats(vtp_array(&xml, raw, "Points")), POSITIONS.concat());
+        let long = |bytes: &[u8]| -> Vec<u64> {
+            bytes.chunks_exact(8).map(|b| u64::from_le_bytes(b.try_into().unwrap())).collect()
+        };
+        let ids: Vec<u64> = TRIANGLES.concat().into_iter().map(u64::from).collect();
+        assert_eq!(long(vtp_array(&xml, raw, "connectivity")), ids);
+        assert_eq!(long(vtp_array(&xml, raw, "offsets")), [3, 6]);
+    }
+
+    /// Numbers that tell triangles apart.
+    struct Numbered;
+
+    impl FaceAttributes for Numbered {
+        fn comments(&self) -> Vec<String> {
+            vec!["feature 0 Skirt--1".to_owned()]
+        }
+
+        fn names(&self) -> Vec<&'static str> {
+            vec!["bead", "layer"]
+        }
+
+        fn numbers(&mut self, facets: &[MeshTriangle]) -> Result<Vec<i32>> {
+            Ok(facets.iter().flat_map(|facet| [facet.ids[2] as i32, -1]).collect())
+        }
+    }
+
+    #[test]
+    fn doubles_and_numbers_of_triangles_round_trip() {
+        let dir = tempfile::tempdir().unwrap();
+        let base = [5e5, 5e6, -0.125];
+        let placed = |name: &str| {
+            let path = dir.path().join(name);
+            let faces: Option<Box<dyn FaceAttributes>> = Some(Box::new(Numbered));
+            let mut sink = PlacedSink::create(&path, Coordinates::DoubleFrom(base), faces).unwrap();
+            sink.vertices(&POSITIONS).unwrap();
+            facets().chunks(1).for_each(|part| sink.triangles(part).unwrap());
+            sink.finish().unwrap();
+            std::fs::read(path).unwrap()
+        };
+        let coordinates: Vec<u8> = POSITIONS
+            .iter()
+            .flat_map(|p| (0..3).map(|a| base[a] + f64::from(p[a])))
+            .flat_map(f64::to_le_bytes)
+            .collect();
+        let bytes = placed("a.vtp");
+        let (xml, raw) = read_vtp(&bytes);
+        assert!(xml.contains("<!-- feature 0 Skirt- -1 -->") && xml.contains("<CellData Scalars=\"bead\">"));
+        assert_eq!(vtp_array(&xml, raw, "Points"), coordinates);
+        assert_eq!(vtp_array(&xml, raw, "bead"), [2, 2].map(i32::to_le_bytes).concat());
+        assert_eq!(vtp_array(&xml, raw, "layer"), [-1, -1].map(i32::to_le_bytes).concat());
+        let bytes = placed("a.ply");
+        let header = ply_header(&bytes);
+        assert!(
+            header.contains("\ncomment feature 0 Skirt--1\n")
+                && header.contains("property int layer\nend_header")
+        );
+        let (vertices, faces) = bytes[header.len()..].split_at(4 * 24);
+        assert_eq!(vertices, coordinates);
+        assert_eq!(faces.len(), 2 * 21);
+        assert_eq!(faces[13..21], [2, -1].map(i32::to_le_bytes).concat());
+    }
+
     /// The model of a 3MF file.
     fn read_3mf(bytes: &[u8]) -> String {
         let mut archive = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
@@ -565,7 +658,7 @@ mod tests {
     #[test]
     fn errors_are_one_line_and_name_the_way_out() {
         let message = |path: &str| create_sink(Path::new(path), None).err().unwrap().to_string();
-        assert!(message("a.step").contains(".stl (binary), .ply (binary), .obj, .3mf, .glb"));
+        assert!(message("a.step").contains(".stl (binary), .ply (binary), .obj, .3mf, .glb, .vtp"));
         let missing = message("/nonexistent/a.stl");
         assert!(missing.contains("/nonexistent/a.stl") && !missing.contains('\n'), "{missing}");
     }
