@@ -249,57 +249,53 @@ fn vtp_array<'a>(file: &'a [u8], name: &str) -> &'a [u8] {
 #[test]
 fn thickness_and_deviation_are_written_in_each_format() {
     let dir = Scratch::new();
-    for (place, bits) in [([0.0; 3], 32), (FAR, 64)] {
-        let (input, part) = (dir.file("b.obj", box_at(place)), dir.path("p.brf"));
-        run(&[&"build", &input, &"-o", &part, &"--depth", &"1", &"-q"]).ok();
-        for name in ["thickness", "deviation"] {
-            let write = |ending: &str| {
-                let path = dir.path(&format!("{name}.{ending}"));
-                match name {
-                    "thickness" => run(&[&name, &part, &"-o", &path, &"-q"]).ok(),
-                    _ => run(&[&name, &part, &input, &"-o", &path, &"-q"]).ok(),
-                };
-                std::fs::read(path).unwrap()
+    let (input, part) = (dir.file("b.obj", box_at([0.0; 3])), dir.path("p.brf"));
+    run(&[&"build", &input, &"-o", &part, &"--depth", &"1", &"-q"]).ok();
+    for name in ["thickness", "deviation"] {
+        let write = |ending: &str| {
+            let path = dir.path(&format!("{name}.{ending}"));
+            match name {
+                "thickness" => run(&[&name, &part, &"-o", &path, &"-q"]).ok(),
+                _ => run(&[&name, &part, &input, &"-o", &path, &"-q"]).ok(),
             };
-            let (ply, vtp) = (write("ply"), write("vtp"));
-            let end = ply.windows(11).position(|word| word == b"end_header\n").unwrap() + 11;
-            let bytes = 3 * bits / 8;
-            let points = vtp_array(&vtp, "Points");
-            let count = points.len() / bytes;
-            assert!(count > 100);
-            let rows = ply[end..].chunks_exact(bytes + 4).take(count);
-            assert!(rows.clone().zip(points.chunks_exact(bytes)).all(|(row, point)| row[..bytes] == *point));
-            let numbers: Vec<u8> = rows.flat_map(|row| row[bytes..].to_vec()).collect();
-            assert_eq!(vtp_array(&vtp, name), numbers);
-            let faces: Vec<u8> = ply[end + count * (bytes + 4)..]
-                .chunks_exact(13)
-                .flat_map(|face| {
-                    face[1..].chunks_exact(4).flat_map(|id| [id, &[0; 4]].concat()).collect::<Vec<u8>>()
-                })
-                .collect();
-            assert_eq!(vtp_array(&vtp, "connectivity"), faces);
-            if bits == 64 {
-                let glb = dir.path("far.glb");
-                let refused = run(&[&"thickness", &part, &"-o", &glb]).failed();
-                assert!(refused.contains("write .ply or .vtp"), "{refused}");
-                continue;
-            }
-            let glb = write("glb");
-            let json = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
-            let scene: Value = serde_json::from_slice(&glb[20..20 + json]).unwrap();
-            let attribute = format!("_{}", name.to_uppercase());
-            let accessor = scene["meshes"][0]["primitives"][0]["attributes"][&attribute].as_u64().unwrap();
-            let view = scene["accessors"][accessor as usize]["bufferView"].as_u64().unwrap();
-            let view = &scene["bufferViews"][view as usize];
-            let at = 28 + json + view["byteOffset"].as_u64().unwrap() as usize;
-            let found = &glb[at..at + view["byteLength"].as_u64().unwrap() as usize];
-            let number = |b: &[u8]| f32::from_le_bytes(b.try_into().unwrap());
-            for (a, b) in found.chunks_exact(4).zip(numbers.chunks_exact(4)) {
-                let (a, b) = (number(a), number(b));
-                assert!(a == b || a == -1.0 && b.is_nan(), "{a} {b}");
-            }
-            assert_eq!(found.len(), numbers.len());
+            std::fs::read(path).unwrap()
+        };
+        let (ply, vtp) = (write("ply"), write("vtp"));
+        let end = ply.windows(11).position(|word| word == b"end_header\n").unwrap() + 11;
+        let bytes = 12;
+        let points = vtp_array(&vtp, "Points");
+        let count = points.len() / bytes;
+        assert!(count > 100);
+        let rows = ply[end..].chunks_exact(bytes + 4).take(count);
+        assert!(rows.clone().zip(points.chunks_exact(bytes)).all(|(row, point)| row[..bytes] == *point));
+        let numbers: Vec<u8> = rows.flat_map(|row| row[bytes..].to_vec()).collect();
+        assert_eq!(vtp_array(&vtp, name), numbers);
+        let faces: Vec<u8> = ply[end + count * (bytes + 4)..]
+            .chunks_exact(13)
+            .flat_map(|face| {
+                face[1..].chunks_exact(4).flat_map(|id| [id, &[0; 4]].concat()).collect::<Vec<u8>>()
+            })
+            .collect();
+        assert_eq!(vtp_array(&vtp, "connectivity"), faces);
+        let glb = write("glb");
+        let json = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+        let scene: Value = serde_json::from_slice(&glb[20..20 + json]).unwrap();
+        let attribute = format!("_{}", name.to_uppercase());
+        let accessor = scene["meshes"][0]["primitives"][0]["attributes"][&attribute].as_u64().unwrap();
+        let view = scene["accessors"][accessor as usize]["bufferView"].as_u64().unwrap();
+        let view = &scene["bufferViews"][view as usize];
+        let at = 28 + json + view["byteOffset"].as_u64().unwrap() as usize;
+        let found = &glb[at..at + view["byteLength"].as_u64().unwrap() as usize];
+        let number = |b: &[u8]| f32::from_le_bytes(b.try_into().unwrap());
+        for (a, b) in found.chunks_exact(4).zip(numbers.chunks_exact(4)) {
+            let (a, b) = (number(a), number(b));
+            assert!(a == b || a == -1.0 && b.is_nan(), "{a} {b}");
         }
+        assert_eq!(found.len(), numbers.len());
     }
-    assert!(run(&[&"thickness", &dir.path("p.brf"), &"-o", &dir.path("t.stl")]).misused().contains(".vtp"));
+    assert!(run(&[&"thickness", &part, &"-o", &dir.path("t.stl")]).misused().contains(".vtp"));
+    // Distances are found in the store's coordinates, of 32 bits.
+    run(&[&"build", &dir.file("far.obj", box_at(FAR)), &"-o", &part, &"--depth", &"1", &"-q"]).ok();
+    let refused = run(&[&"thickness", &part, &"-o", &dir.path("t.vtp")]).failed();
+    assert!(refused.contains("p.brf: surface: cells of ") && !dir.path("t.vtp").exists(), "{refused}");
 }

@@ -1,7 +1,7 @@
 //! `brickfield deviation`: a part against what it should be.
 
-use super::thickness::{contour_about, layers_of, place_of, require_numbers};
-use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
+use super::thickness::{layers_of, require_numbers};
+use super::{no_unit, of_store, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, DeviationArgs};
 use crate::elsewhere::is_address;
@@ -11,12 +11,12 @@ use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use crate::units::Unit;
 use anyhow::anyhow;
-use brickfield_engine::contour::ContourOptions;
+use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
     Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
 use brickfield_engine::distance::{
-    ALIGNED_POINTS, Align, Region, ScalarMesh, ScalarOptions, Sides, Surface, Triangles, align,
+    ALIGNED_POINTS, Align, Region, ScalarMesh, Sides, Surface, Triangles, align,
 };
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
@@ -103,10 +103,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
     let waiting = (args.memory.0 / 8, folder);
-    let place = place_of(&store, &args.output)?;
     let metres = Unit::of_symbol(&unit).map(Unit::metres);
-    let options = ScalarOptions { property: "deviation", place, metres };
-    let mut ply = ScalarMesh::new(PartFile::create(&args.output)?, options, waiting)?;
+    let mut ply = ScalarMesh::new(PartFile::create(&args.output)?, "deviation", metres, waiting)?;
     let compared = Compared {
         reference: &args.reference,
         output: &args.output,
@@ -118,7 +116,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let opened = open_reference(&compared, &store, &bars)?;
     let sides_of_reference = opened.sides()?;
     let reference = opened.reference(sides_of_reference.as_ref());
-    let surface = Surface::new(&store, args.memory.0 / 4, folder, &bars)?;
+    let surface = Surface::new(&store, args.memory.0 / 4, folder, &bars)
+        .map_err(|error| of_store(&store, "surface", error))?;
     let sides = Sides::new(&store)?;
     let cell = surface.cell();
     let Some(bounds) = surface.bounds() else {
@@ -129,7 +128,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     require_alike(&compared, bounds, reference.bounds())?;
     let contouring =
         ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
-    contour_about(&store, place, &contouring, &mut ply, &bars)?;
+    contour(&store, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
     let how = Align::from(args.align);
     let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS)?, bounds, reference, how)?;

@@ -37,7 +37,7 @@ pub(super) struct PlaceWish {
     pub origin: Option<OriginArg>,
     /// Whether only coordinates of 32 bits can be written.
     pub single: bool,
-    /// Whether the command has no option for the origin.
+    /// Whether the origin cannot be another.
     pub stays: bool,
 }
 
@@ -84,7 +84,7 @@ impl MeshPlace {
             let what =
                 format!("32 bits round coordinates by up to {off:.1e} {unit}, cells are {cell:.1e} {unit}");
             let remedy = match wish.stays {
-                true => "write .ply or .vtp, which have 64",
+                true => "write .ply, .obj or .vtp without --detail, which have 64",
                 false => "write .ply, .obj or .vtp without normals, which have 64, or give --origin auto",
             };
             if off > cell / LEAST_PART {

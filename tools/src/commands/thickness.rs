@@ -1,6 +1,5 @@
 //! `brickfield thickness`: how thick walls are, at every vertex of the mesh.
 
-use super::mesh_place::{MeshPlace, PlaceWish};
 use super::thickness_volume::VolumePlan;
 use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::{MeasureArg, ThicknessArgs};
@@ -12,9 +11,9 @@ use crate::units::Unit;
 use brickfield_engine::analysis::{CoveringPass, beads_at_points};
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::thickness::{Method, Options, PreviousContact, at_world, thin_regions};
-use brickfield_engine::distance::{PointNumbers, Region, SCALAR_ENDINGS, ScalarMesh, ScalarOptions, Surface};
+use brickfield_engine::distance::{PointNumbers, Region, SCALAR_ENDINGS, ScalarMesh, Surface};
 use brickfield_engine::part::{PartFile, directory_of};
-use brickfield_engine::store::{AcceptedStores, BrickTree, MovedTree, Store};
+use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -47,16 +46,17 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
         (None, None) => Path::new("."),
     };
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
-    let place = args.output.as_ref().map(|output| place_of(&store, output)).transpose()?.flatten();
     let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
-    let options = ScalarOptions { property: "thickness", place, metres };
-    let ply = |output: &PathBuf| ScalarMesh::new(PartFile::create(output)?, options, (memory / 8, folder));
+    let ply = |output: &PathBuf| {
+        ScalarMesh::new(PartFile::create(output)?, "thickness", metres, (memory / 8, folder))
+    };
     let ply = args.output.as_ref().map(ply).transpose()?;
-    let surface = Surface::new(&store, memory / 2, folder, &bars)?;
+    let surface = Surface::new(&store, memory / 2, folder, &bars)
+        .map_err(|error| of_store(&store, "surface", error))?;
     let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
     let mut text = String::new();
     if let Some(ply) = ply {
-        let (found, told) = at_vertices(args, (&store, &surface), (ply, place), below, &bars)?;
+        let (found, told) = at_vertices(args, (&store, &surface), ply, below, &bars)?;
         document = found;
         text = told.text;
         if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &told.table) {
@@ -87,7 +87,7 @@ struct Told {
 fn at_vertices(
     args: &ThicknessArgs,
     (store, surface): (&Store, &Surface),
-    (mut ply, place): (ScalarMesh, Option<[f64; 3]>),
+    mut ply: ScalarMesh,
     below: Option<f64>,
     bars: &Bars,
 ) -> Result<(Value, Told), Failure> {
@@ -106,7 +106,7 @@ fn at_vertices(
     let options = Options { method, gaps: args.gaps };
     let contouring =
         ContourOptions { cache_bytes: (args.surface.memory.0 / 4) as usize, ..ContourOptions::default() };
-    contour_about(store, place, &contouring, &mut ply, bars)?;
+    contour(store, &contouring, &mut ply, bars)?;
     let (vertices, triangles) = ply.counts();
     let values = ply.fill(bars, |last: &mut PreviousContact, world| {
         let measured = at_world(surface, world, options, last)?;
@@ -131,28 +131,6 @@ pub(super) fn require_numbers(path: &Path) -> Result<(), Failure> {
     let what = "the name must end in .ply, .vtp or .glb, the formats whose vertices have numbers";
     let has_numbers = SCALAR_ENDINGS.iter().any(|known| ends(&known));
     if has_numbers { Ok(()) } else { Err(Failure::Usage(format!("{}: {what}", in_line(path)))) }
-}
-
-/// Where such a mesh is made about, if its coordinates need 64 bits.
-///
-/// # Errors
-/// If the format has none.
-pub(super) fn place_of(store: &Store, output: &Path) -> Result<Option<[f64; 3]>, Failure> {
-    Ok(MeshPlace::of(PlaceWish { stays: true, ..PlaceWish::default() }, store, output)?.base())
-}
-
-/// Contours a store about a position.
-pub(super) fn contour_about(
-    store: &Store,
-    place: Option<[f64; 3]>,
-    options: &ContourOptions,
-    mesh: &mut ScalarMesh,
-    bars: &Bars,
-) -> Result<(), Failure> {
-    let moved = MovedTree::new(store, place.unwrap_or_default());
-    let tree: &dyn BrickTree = if place.is_some() { &moved } else { store };
-    contour(tree, options, mesh, bars).map_err(|error| of_store(store, "settings", error))?;
-    Ok(())
 }
 
 /// The layers of the beads beside the lowest and the highest point of each region, from 1; null where the store does not tell

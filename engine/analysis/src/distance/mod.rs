@@ -70,7 +70,7 @@ pub use band::{BAND, DistanceTree};
 pub use local::{LocalOf, LocalThickness};
 pub use numbers::PointNumbers;
 pub use regions::Region;
-pub use scalar_mesh::{SCALAR_ENDINGS, ScalarMesh, ScalarOptions};
+pub use scalar_mesh::{SCALAR_ENDINGS, ScalarMesh};
 pub use sides::Sides;
 pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
 pub use tally::LocalSpread;

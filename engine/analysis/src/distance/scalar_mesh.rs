@@ -26,8 +26,6 @@ enum ScalarFile {
 pub struct ScalarMesh {
     file: ScalarFile,
     property: &'static str,
-    /// What is added to positions, with 64 bits.
-    place: Option<[f64; 3]>,
     positions: NumberRows<3>,
     memory: u64,
     folder: PathBuf,
@@ -39,46 +37,40 @@ fn append_positions(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
 }
 
 /// A header of the same length for all counts: a comment takes up what the digits leave.
-fn ply_header(vertices: u64, faces: u64, property: &str, kind: &str) -> String {
+fn ply_header(vertices: u64, faces: u64, property: &str) -> String {
     let (vertices, faces) = (vertices.to_string(), faces.to_string());
     let fill = "-".repeat(40 - vertices.len() - faces.len());
     format!(
         "ply\nformat binary_little_endian 1.0\ncomment written by Brickfield {fill}\n\
-         element vertex {vertices}\nproperty {kind} x\nproperty {kind} y\nproperty {kind} z\n\
+         element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
          property float {property}\nelement face {faces}\nproperty list uchar uint vertex_indices\nend_header\n"
     )
 }
 
-/// What must be known of such a file before it begins.
-#[derive(Clone, Copy, Debug)]
-pub struct ScalarOptions {
-    /// The name of the numbers.
-    pub property: &'static str,
-    /// Of a mesh that was made about this position: coordinates are the world's, with 64 bits. glTF has none.
-    pub place: Option<[f64; 3]>,
-    /// The length of the unit of positions, for glTF; one if it is not known.
-    pub metres: Option<f64>,
-}
-
 impl ScalarMesh {
-    /// A file in the format of its name, PLY if that ends in none of [`SCALAR_ENDINGS`]. What waits takes so many bytes of memory,
-    /// with a file in `folder` for what does not fit.
+    /// A file in the format of its name, PLY if that ends in none of [`SCALAR_ENDINGS`], whose vertices get this property. `metres`
+    /// is the length of the unit of positions, for glTF. What waits takes so many bytes of memory, with a file in `folder`
+    /// for what does not fit.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn new(file: PartFile, options: ScalarOptions, (memory, folder): (u64, &Path)) -> Result<ScalarMesh> {
-        let ScalarOptions { property, place, metres } = options;
+    pub fn new(
+        file: PartFile,
+        property: &'static str,
+        metres: Option<f64>,
+        (memory, folder): (u64, &Path),
+    ) -> Result<ScalarMesh> {
         let ending = file.path().extension().unwrap_or_default().to_ascii_lowercase();
         let file = match ending.to_str() {
             Some("vtp") => {
-                ScalarFile::Vtp(VtpFile::new(file, place.is_some(), (NumbersOf::Vertices, &[property]), &[])?)
+                ScalarFile::Vtp(VtpFile::new(file, false, (NumbersOf::Vertices, &[property]), &[])?)
             }
             Some("glb") => ScalarFile::Glb(GlbSink::with_numbers(file, metres, property)?),
             _ => ScalarFile::Ply(file),
         };
         let positions = NumberRows::new(memory / 2, folder);
         let folder = folder.to_owned();
-        let mut mesh = ScalarMesh { file, property, place, positions, memory, folder, faces: 0 };
+        let mut mesh = ScalarMesh { file, property, positions, memory, folder, faces: 0 };
         let head = mesh.ply_head();
         if let ScalarFile::Ply(file) = &mut mesh.file {
             file.append(head.as_bytes())?;
@@ -87,8 +79,7 @@ impl ScalarMesh {
     }
 
     fn ply_head(&self) -> String {
-        let kind = if self.place.is_some() { "double" } else { "float" };
-        ply_header(self.positions.len() as u64, self.faces, self.property, kind)
+        ply_header(self.positions.len() as u64, self.faces, self.property)
     }
 
     /// Positions of every so manieth vertex, so that these are at most so many.
@@ -101,7 +92,7 @@ impl ScalarMesh {
         self.positions.each(|positions| {
             for position in positions {
                 if number.is_multiple_of(step) {
-                    some.push(placed(self.place, *position));
+                    some.push(position.map(f64::from));
                 }
                 number += 1;
             }
@@ -131,17 +122,17 @@ impl ScalarMesh {
         progress.phase(self.property, Some(positions.len() as u64), "vertices");
         let mut at = head.len() as u64;
         let mut bytes = Vec::new();
-        let (file, place) = (&mut self.file, self.place);
+        let file = &mut self.file;
         positions.each(|positions| {
             numbers(
                 positions,
                 progress,
-                |last, p| number(last, placed(place, p)),
+                |last, p| number(last, p.map(f64::from)),
                 |positions, numbers| {
                     bytes.clear();
                     match file {
                         ScalarFile::Ply(file) => {
-                            rows(place, positions, numbers, &mut bytes);
+                            rows(positions, numbers, &mut bytes);
                             file.overwrite(at, &bytes)?;
                             at += bytes.len() as u64;
                         }
@@ -167,21 +158,10 @@ impl ScalarMesh {
     }
 }
 
-/// A position in the world.
-fn placed(place: Option<[f64; 3]>, position: [f32; 3]) -> [f64; 3] {
-    let base = place.unwrap_or([0.0; 3]);
-    std::array::from_fn(|a| base[a] + f64::from(position[a]))
-}
-
 /// The vertices of a PLY, each with its number.
-fn rows(place: Option<[f64; 3]>, positions: &[[f32; 3]], numbers: &[f32], bytes: &mut Vec<u8>) {
+fn rows(positions: &[[f32; 3]], numbers: &[f32], bytes: &mut Vec<u8>) {
     for (position, number) in positions.iter().zip(numbers) {
-        match place {
-            None => bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened()),
-            Some(_) => {
-                bytes.extend_from_slice(placed(place, *position).map(f64::to_le_bytes).as_flattened());
-            }
-        }
+        bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
         bytes.extend_from_slice(&number.to_le_bytes());
     }
 }
@@ -210,13 +190,8 @@ impl MeshSink for ScalarMesh {
                 match &mut self.file {
                     ScalarFile::Ply(file) => {
                         let mut room = Vec::new();
-                        rows(self.place, &positions, &vec![0.0; count], &mut room);
+                        rows(&positions, &vec![0.0; count], &mut room);
                         file.append(&room)?;
-                    }
-                    ScalarFile::Vtp(file) if self.place.is_some() => {
-                        let placed = positions.iter().map(|p| placed(self.place, *p));
-                        let bytes: Vec<u8> = placed.flatten().flat_map(f64::to_le_bytes).collect();
-                        file.points(count, &bytes)?;
                     }
                     ScalarFile::Vtp(file) => file.points(count, bytes)?,
                     ScalarFile::Glb(file) => file.encoded(part)?,
