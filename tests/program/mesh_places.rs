@@ -231,6 +231,8 @@ fn coordinates_of_32_bits_count_from_an_origin_near_the_part() {
     assert!(wrong.contains("neither auto nor three numbers"), "{wrong}");
     let too_far = run(&[&"mesh", &part, &"-o", &stl, &"--origin", &"0,0,0"]).failed();
     assert!(too_far.contains("--origin auto"), "{too_far}");
+    let splats = run(&[&"splats", &part, &"-o", &dir.path("s.ply")]).failed();
+    assert!(splats.contains("32 bits round") && splats.contains("write .bsp"), "{splats}");
 }
 
 /// An array of a `.vtp`, by the words of its XML.

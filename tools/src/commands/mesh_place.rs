@@ -78,20 +78,11 @@ impl MeshPlace {
             _ => None,
         };
         let root = chosen.map_or(root, |origin| MovedTree::new(store, origin).root());
-        let off = rounding(root);
-        if off > cell / CELL_PART {
-            let unit = unit_of(store.meta());
-            let what =
-                format!("32 bits round coordinates by up to {off:.1e} {unit}, cells are {cell:.1e} {unit}");
-            let remedy = match wish.stays {
-                true => "write .ply, .obj or .vtp without --detail, which have 64",
-                false => "write .ply, .obj or .vtp without normals, which have 64, or give --origin auto",
-            };
-            if off > cell / LEAST_PART {
-                return Err(anyhow::anyhow!("{}: {what}; {remedy}", in_line(output)).into());
-            }
-            warn(&format!("{}: {what}: {remedy}", in_line(output)));
-        }
+        let remedy = match wish.stays {
+            true => "write .ply, .obj or .vtp without --detail, which have 64",
+            false => "write .ply, .obj or .vtp without normals, which have 64, or give --origin auto",
+        };
+        require_single(store, root, output, remedy)?;
         Ok(chosen.map_or(MeshPlace::World, MeshPlace::Shifted))
     }
 
@@ -138,6 +129,29 @@ impl MeshPlace {
         file.finish()?;
         Ok(())
     }
+}
+
+/// Refuses coordinates of 32 bits where they cannot tell cells apart in such a root cube, and warns before.
+///
+/// # Errors
+/// With what to do.
+pub(super) fn require_single(
+    store: &Store,
+    root: RootCube,
+    output: &Path,
+    remedy: &str,
+) -> Result<(), Failure> {
+    let (off, cell) = (rounding(root), root.spacing(store.deepest_level()));
+    if off <= cell / CELL_PART {
+        return Ok(());
+    }
+    let unit = unit_of(store.meta());
+    let what = format!("32 bits round coordinates by up to {off:.1e} {unit}, cells are {cell:.1e} {unit}");
+    if off > cell / LEAST_PART {
+        return Err(anyhow::anyhow!("{}: {what}; {remedy}", in_line(output)).into());
+    }
+    warn(&format!("{}: {what}: {remedy}", in_line(output)));
+    Ok(())
 }
 
 /// The name of the file that tells the origin of a mesh.
