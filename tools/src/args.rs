@@ -79,9 +79,11 @@ the cells along a side and takes about four times the time and space.
 Of toolpaths the cells are then at most 0.4 of the least bead height and width, leaving out the least 1 % of the deposited \
 length. They are never in step with the layers. What a build of toolpaths will take is told before it begins.
 
-Point clouds are PLY without faces, PCD, LAS, LAZ (also COPC), E57, or text with a point a line (.xyz, .pts, .asc), whose \
-columns have names or are understood by their numbers. E57 is read in mm; LAS says no unit, so give --unit. Clouds need normals, or --estimate-normals. Every point counts as a dipole with the area that its \
-nearest neighbours leave it, spread over a small ball.
+Point clouds are PLY without faces, PCD, LAS, LAZ (also COPC), E57, or text with a point a line (.xyz, .pts, .asc). Columns of \
+text have names, or are understood by their numbers. E57 is read in mm; LAS says no unit, so give --unit.
+
+Clouds need normals, or --estimate-normals. Every point counts as a dipole with the area that its nearest neighbours leave \
+it, spread over a small ball.
 
 Without --depth and --cell the cells are about half as large as the points are apart.
 
