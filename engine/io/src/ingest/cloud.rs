@@ -9,6 +9,9 @@ use crate::progress::Progress;
 use crate::soup::PointCloud;
 use std::path::{Path, PathBuf};
 
+/// What reads a file.
+type Read = fn(&Path, &[u8], &dyn Progress) -> Result<(PointCloud, CloudColumns)>;
+
 /// A format of point clouds.
 pub(super) struct CloudFormat {
     /// Its name where a file is one.
@@ -16,7 +19,7 @@ pub(super) struct CloudFormat {
     /// The name of what is in it.
     described: &'static str,
     tell: fn(&Path, &[u8]) -> bool,
-    read: fn(&Path, &[u8], &dyn Progress) -> Result<(PointCloud, CloudColumns)>,
+    read: Read,
 }
 
 /// Formats that are told by their content.
