@@ -129,7 +129,7 @@ fn at_vertices(
 pub(super) fn require_numbers(path: &Path) -> Result<(), Failure> {
     let ends = |known: &&str| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(known));
     let what = "the name must end in .ply, .vtp or .glb, the formats whose vertices have numbers";
-    let has_numbers = SCALAR_ENDINGS.iter().any(|known| ends(&known));
+    let has_numbers = SCALAR_ENDINGS.iter().any(ends);
     if has_numbers { Ok(()) } else { Err(Failure::Usage(format!("{}: {what}", in_line(path)))) }
 }
 
