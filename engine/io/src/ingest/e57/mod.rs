@@ -24,5 +24,5 @@ pub(super) fn read(
     _: &dyn crate::progress::Progress,
 ) -> Result<(crate::soup::PointCloud, super::columns::CloudColumns)> {
     let what = "is an E57 file, and this program was built without the feature `e57`";
-    Err(Error::input(path, "header", what, "build it with --features e57, or convert the file to PLY or LAS"))
+    Err(Error::input(path, "header", what, "build it with that feature, or convert the file to PLY or LAS"))
 }

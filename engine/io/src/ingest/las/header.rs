@@ -1,11 +1,11 @@
 //! What stands before the points of a LAS file: LAS 1.4 R15, §2.4 to 2.6 and Table 24.
 
-use super::REMEDY;
 use crate::error::{Error, Result};
 use crate::ingest::columns::Column;
 use crate::ingest::text;
 use std::path::Path;
 
+pub(super) const REMEDY: &str = "copy or export the file again";
 /// Bytes of the shortest header, of LAS 1.0 to 1.2.
 const LEAST_BYTES: usize = 227;
 /// Bytes of a record of variable length before its data.

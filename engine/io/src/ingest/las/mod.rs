@@ -4,6 +4,7 @@
 mod header;
 #[cfg(feature = "las")]
 mod packed;
+mod point;
 #[cfg(test)]
 mod tests;
 
@@ -11,56 +12,16 @@ use super::columns::CloudColumns;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
-use header::{ExtraField, LasHeader, array};
+use header::LasHeader;
+use point::{Decoded, PointLayout};
 use std::path::Path;
 
-const REMEDY: &str = "copy or export the file again";
 /// Points between two looks at whether the user interrupts.
 const POINTS_AT_ONCE: usize = 1 << 16;
 
 /// True of the beginning of a LAS file, packed or not.
 pub(super) fn is_las(bytes: &[u8]) -> bool {
     bytes.starts_with(b"LASF")
-}
-
-/// How the bytes of a point become one.
-struct PointLayout<'a> {
-    scale: [f64; 3],
-    offset: [f64; 3],
-    normals: Option<[&'a ExtraField; 3]>,
-    /// The byte, and its bit, that says that a point is withheld.
-    withheld: (usize, u8),
-}
-
-/// Points with their normals, and how many were left out.
-#[derive(Default)]
-struct Decoded {
-    cloud: PointCloud,
-    withheld: u64,
-}
-
-impl<'a> PointLayout<'a> {
-    fn of(header: &'a LasHeader<'_>) -> PointLayout<'a> {
-        let withheld = if header.format < 6 { (15, 1 << 7) } else { (15, 1 << 2) };
-        PointLayout { scale: header.scale, offset: header.offset, normals: header.normals(), withheld }
-    }
-
-    /// Takes the next point, unless it counts as deleted.
-    fn take(&self, point: &[u8], decoded: &mut Decoded) {
-        let (byte, bit) = self.withheld;
-        if point[byte] & bit != 0 {
-            decoded.withheld += 1;
-            return;
-        }
-        let place = |axis: usize| {
-            let counted = i32::from_le_bytes(array(point, 4 * axis).unwrap_or_default());
-            f64::from(counted) * self.scale[axis] + self.offset[axis]
-        };
-        decoded.cloud.points.push([0, 1, 2].map(place));
-        // A normal that is unknown counts for nothing.
-        let known = |field: &ExtraField| Some(field.value(point)).filter(|c| c.is_finite()).unwrap_or(0.0);
-        decoded.cloud.normals.extend(self.normals.map(|fields| fields.map(known)));
-    }
 }
 
 /// Reads all points but those withheld, in the file's own unit; and their normals if the file has numbers `NormalX`,
@@ -111,6 +72,6 @@ use packed::unpacked;
 #[cfg(not(feature = "las"))]
 fn unpacked(header: &LasHeader<'_>, _: &[u8], _: &dyn Progress) -> Result<Decoded> {
     let what = "is packed (LAZ), and this program was built without the feature `las`";
-    let remedy = "build it with --features las, or unpack the file to .las";
+    let remedy = "build it with that feature, or unpack the file to .las";
     Err(crate::error::Error::input(header.path, "header", what, remedy))
 }

@@ -1,7 +1,7 @@
 //! The packed points of LAZ: chunks that threads unpack by themselves.
 
-use super::header::{LasHeader, array};
-use super::{Decoded, PointLayout};
+use super::header::{LasHeader, REMEDY, array};
+use super::point::{Decoded, PointLayout};
 use crate::error::Result;
 use crate::ingest::guarded::guarded;
 use crate::progress::Progress;
@@ -48,7 +48,7 @@ pub(super) fn unpacked(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Prog
             let Some(Decoded { cloud, withheld }) = decoded else {
                 let what = "is damaged or cut off, so its points cannot be unpacked";
                 let place = format!("chunk {} of {}", first + number + 1, chunks.len());
-                return Err(crate::error::Error::input(header.path, place, what, super::REMEDY));
+                return Err(crate::error::Error::input(header.path, place, what, REMEDY));
             };
             all.cloud.points.extend(cloud.points);
             all.cloud.normals.extend(cloud.normals);
