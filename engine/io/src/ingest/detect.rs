@@ -1,6 +1,6 @@
 //! Which format a file is in: by its content if that is conclusive, else by its ending.
 
-use super::cloud::CloudFormat;
+use super::cloud_formats::CloudFormat;
 use super::formats::{FileStart, MeshFormat, TellTale, readable};
 use super::{cloud_text, foreign, stl, text, three_mf};
 use crate::error::{Error, Result};

@@ -9,6 +9,7 @@ mod amf;
 mod beads;
 mod bounds;
 mod cloud;
+mod cloud_formats;
 mod cloud_text;
 mod columns;
 mod detect;
