@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Opens what `brickfield export` writes with the programs that users have, and compares.
+"""Opens what `brickfield` writes with the programs that users have, has it open what those write, and compares.
 
     bench-data/readers.py --program target/release/brickfield [--store PART.brf] [--packages]
 
@@ -34,6 +34,10 @@ PYPI = [
     "lib3mf==2.5.0",
     "lxml==6.1.3",
     "networkx==3.6.1",
+    "laspy==2.7.0",
+    "lazrs==0.8.2",
+    "copclib==2.6.3",
+    "pye57==0.4.19",
 ]
 OLD_VTK = ["numpy==1.26.4", "vtk==9.2.6"]
 DEBIAN = ["libopenvdb-tools", "python3-openvdb", "python3-numpy"]
@@ -196,12 +200,101 @@ MESH_READERS = [
         "import vtk; from vtk.util.numpy_support import vtk_to_numpy as n; r = vtk.vtkPLYReader(); r.SetFileName(W); "
         "r.Update(); o = r.GetOutput(); V = solid(n(o.GetPoints().GetData()), n(o.GetPolys().GetConnectivityArray()).reshape(-1, 3))",
     ),
+    *(
+        (
+            "vtk",
+            name,
+            "import vtk; from vtk.util.numpy_support import vtk_to_numpy as n; r = vtk.vtkXMLPolyDataReader(); "
+            "r.SetFileName(W); r.Update(); o = r.GetOutput(); "
+            "V = solid(n(o.GetPoints().GetData()), n(o.GetPolys().GetConnectivityArray()).reshape(-1, 3))",
+        )
+        for name in ("a.vtp", "double.vtp", "beads.vtp")
+    ),
+    (
+        "pyvista",
+        "beads.vtp",
+        "import pyvista; m = pyvista.read(W); V = solid(m.points, m.regular_faces); "
+        "assert set(m.cell_data) == {'bead', 'layer', 'feature'} and m.cell_data['layer'].min() >= -1",
+    ),
     (
         "lib3mf",
         "a.3mf",
         "import lib3mf; from lib3mf import get_wrapper; model = get_wrapper().CreateModel(); "
         "model.QueryReader('3mf').ReadFromFile(W); i = model.GetMeshObjects(); i.MoveNext(); o = i.GetCurrentMeshObject(); "
         "V = solid([list(v.Coordinates) for v in o.GetVertices()], [list(t.Indices) for t in o.GetTriangleIndices()])",
+    ),
+]
+
+# Who opens meshes whose vertices have numbers: each gets W and NAME, and leaves V, the numbers.
+NUMBER_READERS = [
+    ("pyvista", "vtp", "import pyvista; V = pyvista.read(W).point_data[NAME]"),
+    ("vtk", "vtp", "import vtk; from vtk.util.numpy_support import vtk_to_numpy as n; r = vtk.vtkXMLPolyDataReader(); "
+     "r.SetFileName(W); r.Update(); V = n(r.GetOutput().GetPointData().GetArray(NAME))"),
+    ("trimesh", "glb", "import trimesh; m = trimesh.load(W, process=False, force='mesh'); V = m.vertex_attributes['_' + NAME.upper()]"),
+    ("trimesh", "ply", "import trimesh; m = trimesh.load(W, process=False); V = m.metadata['_ply_raw']['vertex']['data'][NAME]"),
+]
+
+# Who writes point clouds for `build`: each gets W and P (points of three numbers) and N (their normals), and leaves V, the points
+# as it reads them back, in the unit that `build` reads them in.
+LAS = """
+import laspy
+def las(form, version, normals):
+    head = laspy.LasHeader(point_format=form, version=version)
+    head.scales, head.offsets = [1e-4] * 3, [500000, 5000000, 0]
+    if normals:
+        for axis in "XYZ":
+            head.add_extra_dim(laspy.ExtraBytesParams(name="Normal" + axis, type=np.float32))
+    cloud = laspy.LasData(head)
+    cloud.x, cloud.y, cloud.z = P.T
+    if normals:
+        cloud.NormalX, cloud.NormalY, cloud.NormalZ = N.T
+    cloud.write(W)
+    return np.asarray(laspy.read(W).xyz)
+"""
+CLOUD_WRITERS = [
+    *(
+        (f"laspy, format {form}", ending, LAS + f"V = las({form}, '{version}', {normals})")
+        for form, version, ending, normals in [
+            (0, "1.2", "las", False), (3, "1.2", "las", True), (1, "1.2", "laz", False), (3, "1.3", "laz", True),
+            (6, "1.4", "las", True), (6, "1.4", "laz", True), (7, "1.4", "laz", False), (8, "1.4", "laz", False),
+        ]
+    ),
+    (
+        "copclib",
+        "copc.laz",
+        """
+import copclib as c
+config = c.CopcConfigWriter(6, c.Vector3(1e-4, 1e-4, 1e-4), c.Vector3(500000, 5000000, 0))
+config.las_header.min, config.las_header.max = c.Vector3(*P.min(0)), c.Vector3(*P.max(0))
+w = c.FileWriter(W, config)
+head = w.copc_config.las_header
+for n, key in enumerate([c.VoxelKey(0, 0, 0, 0), c.VoxelKey(1, 0, 0, 0)]):
+    points = c.Points(head)
+    for p in P[n::2]:
+        point = points.CreatePoint()
+        point.x, point.y, point.z = map(float, p)
+        points.AddPoint(point)
+    w.AddNode(key, points)
+w.Close()
+r = c.FileReader(W)
+V = np.concatenate([np.stack([q.x, q.y, q.z], 1) for q in map(r.GetPoints, r.GetAllNodes())])
+""",
+    ),
+    (
+        "pye57, two scans",
+        "e57",
+        """
+import pye57
+file = pye57.E57(W, mode="w")
+half, place = np.array([0.5, 0.5, 0.5, 0.5]), np.array([500000.0, 5000000, 0])
+for n in range(2):
+    # Turned so that x is y, y is z, and z is x.
+    q = (P[n::2] - place)[:, [1, 2, 0]]
+    file.write_scan_raw({"cartesianX": q[:, 0].copy(), "cartesianY": q[:, 1].copy(), "cartesianZ": q[:, 2].copy()}, rotation=half, translation=place)
+file.close()
+file = pye57.E57(W)
+V = np.concatenate([np.stack([s[k] for k in ("cartesianX", "cartesianY", "cartesianZ")], 1) for s in (file.read_scan(n, ignore_missing_fields=True) for n in range(2))]) * 1000
+""",
     ),
 ]
 
@@ -360,6 +453,64 @@ def meshes(program, folder, python):
     return agreed
 
 
+def numbers(program, folder, python):
+    """A line for each reader of numbers of vertices; returns whether all read what `thickness` and `deviation` tell."""
+    store, agreed = folder / "numbers.brf", True
+    run(program, "build", HERE / "clover.gcode", "-o", store, "--depth", "2", "--quiet")
+    run(program, "mesh", store, "-o", folder / "reference.stl", "--level", "1", "--quiet")
+    for name, more in [("thickness", []), ("deviation", [folder / "reference.stl"])]:
+        for reader, ending, code in NUMBER_READERS:
+            path = folder / f"{name}.{ending}"
+            told = json.loads(run(program, name, store, *more, "-o", path, "--json"))
+            script = (
+                f"import json, numpy as np\nW, NAME = {str(path)!r}, {name!r}\n{code}\nV = np.asarray(V, float).ravel()\n"
+                f"V = np.where(np.isfinite(V) & ((V != -1) | (NAME != 'thickness')), V, np.nan)\n"
+                "print(json.dumps([len(V), int(np.isfinite(V).sum()), float(np.nanmin(V)), float(np.nanmax(V))]))\n"
+            )
+            count, finite, low, high = json.loads(run(python, "-c", script).splitlines()[-1])
+            is_same = count == told["vertices"]
+            if name == "thickness":
+                is_same &= finite == told["measured"] and abs(low - told["min"]) < told["cell"] / 100
+            agreed &= is_same
+            print(f"{reader:22} {path.name:14} {count:,} numbers, {finite:,} finite, {low:.4g} to {high:.4g}: {'same' if is_same else 'DIFFERS'}")
+    return agreed
+
+
+def clouds(program, folder, python):
+    """A line for each writer of point clouds; returns whether `info` finds its points, and `winding` the same of the file as of
+    text with what the writer reads back."""
+    agreed, text = True, folder / "cloud.xyz"
+    points = (
+        "import json, numpy as np\ni = np.arange(4000)\nz = 1 - 2 * (i + .5) / len(i)\nr = np.sqrt(1 - z * z)\n"
+        "N = np.stack([r * np.cos(2.399963 * i), r * np.sin(2.399963 * i), z], 1)\nP = 2 * N + [500123.25, 5000456.5, 120]\n"
+    )
+    places = "".join(f"{500123.25 + 0.9 * n % 4 - 2},{5000456.5 + 0.37 * n % 4 - 2},{118 + 0.11 * n % 4}\n" for n in range(100))
+    for writer, ending, code in CLOUD_WRITERS:
+        path = folder / f"cloud.{ending}"
+        script = f"{points}W = {str(path)!r}\n{code}\nnp.savetxt({str(text)!r}, V, fmt='%.9f')\n"
+        try:
+            run(python, "-c", script)
+        except subprocess.CalledProcessError as error:
+            print(f"{writer:22} .{ending:8} NOT HERE: {error.stderr.strip().splitlines()[-1]}")
+            continue
+        told = json.loads(run(program, "info", path, "--json"))
+        read = json.loads(run(program, "info", text, "--json"))
+        off = max(abs(a - b) for ends in zip(told["bounds"], read["bounds"]) for a, b in zip(*ends))
+        is_same = told["points"] == read["points"] == 4000 and off < 1e-6
+        scale = 1000 if ending == "e57" else 1
+        asked = "".join(",".join(str(scale * float(c)) for c in line.split(",")) + "\n" for line in places.splitlines())
+        answers = [
+            [float(line.rsplit(",", 1)[1]) for line in run(program, "winding", file, "--points", "-", "--estimate-normals", input=asked).splitlines()[1:]]
+            for file in (path, text)
+        ]
+        differ = max(abs(a - b) for a, b in zip(*answers))
+        is_same &= differ < 1e-3 and len(answers[0]) == 100
+        agreed &= is_same
+        print(f"{writer:22} .{ending:8} {told['points']:,} points, bounds off by {off:.0e}, w by {differ:.0e}: {'same' if is_same else 'DIFFERS'}")
+        path.unlink()
+    return agreed
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", type=Path, required=True)
@@ -385,6 +536,8 @@ def main():
         agreed &= written(args.program, folder, pythons)
         if pythons["env"][0] is not None:
             agreed &= meshes(args.program, folder, pythons["env"][0])
+            agreed &= numbers(args.program, folder, pythons["env"][0])
+            agreed &= clouds(args.program, folder, pythons["env"][0])
         return 0 if agreed else 1
 
 

@@ -261,3 +261,102 @@ fn clouds_of_the_point_cloud_library_are_built() {
     let (one, other) = (volume(&text), volume(&binary));
     assert!(one == other && (one - 4.19).abs() < 0.15, "{one} {other}");
 }
+
+/// A small file of a program for scans.
+fn scan(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds").join(name)
+}
+
+/// The skin of a cylinder, of which the files hold points: with normals, `scale` units a length.
+fn skin(count: usize, scale: f64, digits: f64) -> String {
+    let line = |i: usize| {
+        let (sin, cos) = (i as f64 * 2.399963).sin_cos();
+        let p = [10.0 + 3.0 * cos, 20.0 + 3.0 * sin, 0.5 + 4.0 * (i as f64 + 0.5) / count as f64];
+        let [x, y, z] = p.map(|c| (c * digits).round() / digits * scale);
+        format!("{x} {y} {z} {cos} {sin} 0\n")
+    };
+    (0..count).map(line).collect()
+}
+
+/// Winding numbers of a cloud at some places.
+fn asked(input: &Path, places: &str, extra: &[&str]) -> Vec<f64> {
+    let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"winding", &input, &"--points", &"-"];
+    args.extend(extra.iter().map(|word| word as &dyn AsRef<OsStr>));
+    w_of(&run_with(&args, places).ok_but_for(LEFT_OUT))
+}
+
+/// What is told of points without a place.
+const LEFT_OUT: &str = "3 points are marked as invalid, and are left out";
+
+fn places(scale: f64) -> String {
+    let at = |n: i32| {
+        let n = f64::from(n);
+        let (x, y, z) = (7.0 + n * 0.37 % 6.0, 17.0 + n * 0.71 % 6.0, 1.0 + n * 0.13 % 3.0);
+        format!("{},{},{}\n", x * scale, y * scale, z * scale)
+    };
+    (0..40).map(at).collect()
+}
+
+#[test]
+fn clouds_of_surveyors_are_built() {
+    let dir = Scratch::new();
+    let text = dir.file("skin.xyz", skin(200, 1.0, 1000.0));
+    let packed = scan("las/points6n.laz");
+    let told = run(&[&"info", &packed]).ok();
+    assert!(told.contains("LAS points, 200 points") && told.contains("normals given"), "{told}");
+    for (a, b) in asked(&text, &places(1.0), &[]).iter().zip(asked(&packed, &places(1.0), &[])) {
+        assert!((a - b).abs() < 1e-5, "{a} {b}");
+    }
+    // COPC, without normals.
+    let octree = scan("las/points6.copc.laz");
+    let store = dir.path("s.brf");
+    let refused = run(&[&"build", &octree, &"-o", &store]).failed();
+    assert!(refused.contains("no normals") && refused.contains("--estimate-normals"), "{refused}");
+    let report = run(&[
+        &"build",
+        &octree,
+        &"-o",
+        &store,
+        &"--estimate-normals",
+        &"--depth",
+        &"1",
+        &"--unit",
+        &"m",
+        &"--json",
+    ]);
+    assert_eq!(report.json()["points"], 150);
+    let cut = dir.file("cut.laz", &std::fs::read(&packed).unwrap()[..2000]);
+    let refused = run(&[&"build", &cut, &"-o", &store]).failed();
+    assert!(refused.contains("cut.laz") && refused.contains("export the file again"), "{refused}");
+}
+
+#[test]
+fn clouds_of_scanners_are_built() {
+    let dir = Scratch::new();
+    let posed = scan("e57/posed.e57");
+    let told = run(&[&"info", &posed]).ok_but_for(LEFT_OUT);
+    assert!(told.contains("E57 points, 117 points"), "{told}");
+    // The same points in mm as text, in the order of the scans.
+    let lines: Vec<String> = skin(120, 1000.0, 1e15).lines().map(str::to_owned).collect();
+    let of_scan = |scan: usize| lines.iter().skip(scan).step_by(3).enumerate().filter(|(n, _)| *n != 3);
+    let text: String = (0..3).flat_map(of_scan).map(|(_, line)| format!("{line}\n")).collect();
+    let text = dir.file("skin.xyz", text);
+    let estimated = ["--estimate-normals"];
+    let found = asked(&posed, &places(1000.0), &estimated);
+    for (a, b) in asked(&text, &places(1000.0), &estimated).iter().zip(&found) {
+        // Of neighbours as far away as others the rounding to 32 bits in the file decides.
+        assert!((a - b).abs() < 0.05, "{a} {b}");
+    }
+    let store = dir.path("s.brf");
+    let build = |extra: &[&str]| {
+        let mut args: Vec<&dyn AsRef<OsStr>> =
+            vec![&"build", &posed, &"-o", &store, &"--json", &"--estimate-normals"];
+        args.extend(extra.iter().map(|word| word as &dyn AsRef<OsStr>));
+        let text = run(&args).ok_but_for(LEFT_OUT);
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()["cell"].as_f64().unwrap()
+    };
+    // Sizes are in the unit that is asked for, and the store is in mm.
+    assert_eq!(build(&["--cell", "0.5", "--unit", "m"]), 500.0);
+    let mixed = run(&[&"build", &posed, &text, &"-o", &store, &"--unit", &"m"]).stderr;
+    assert!(mixed.contains("E57 is read in mm"), "{mixed}");
+}

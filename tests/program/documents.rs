@@ -85,6 +85,9 @@ fn with_inputs(is_whole: bool) -> Scratch {
     dir.file("scan.xyz", rows(false));
     let head = format!("ply\nformat ascii 1.0\nelement vertex {}\n{columns}end_header\n", points.len());
     dir.file("scan.ply", head + &rows(true));
+    for (name, seed) in [("scan.e57", "e57/one.e57"), ("site.laz", "las/points1.laz")] {
+        dir.file(name, fs::read(top().join("fuzz/seeds").join(seed)).expect("a seed"));
+    }
     dir.file("scan.mha", image());
     dir.file("points.csv", "x,y,z\n1,1,0.1\n4.5,0.25,0.25\n");
     dir.file("my.csv", "-0.5,-0.5\n0.5,-0.5\n0.5,0.5\n-0.5,0.5\n");

@@ -150,6 +150,13 @@ fn triangles_have_the_numbers_of_their_beads() {
     );
     let other = dir.path("o.brf");
     run(&[&"build", &stl("overlap_boxes"), &"-o", &other, &"--depth", &"1", &"-q"]).ok();
+    let vtp = dir.path("m.vtp");
+    run(&[&"mesh", &part, &"-o", &vtp, &"--attributes", &named, &"-q"]).ok();
+    let file = std::fs::read(&vtp).unwrap();
+    for (n, name) in named.split(',').enumerate() {
+        let column: Vec<u8> = numbers.iter().flat_map(|row| row[n].to_le_bytes()).collect();
+        assert_eq!(vtp_array(&file, name), column, "{name}");
+    }
     let refused = run(&[&"mesh", &other, &"-o", &mesh, &"--attributes", &"bead"]).failed();
     assert!(refused.contains("--identity"), "{refused}");
     assert!(
@@ -157,4 +164,140 @@ fn triangles_have_the_numbers_of_their_beads() {
             .misused()
             .contains(".ply")
     );
+}
+
+/// Corners of a binary STL.
+fn read_stl(path: &Path) -> Vec<[f64; 3]> {
+    let bytes = std::fs::read(path).unwrap();
+    let number = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().unwrap()));
+    let facets = bytes[84..].chunks_exact(50);
+    facets.flat_map(|f| f[12..48].chunks_exact(12)).map(|p| [0, 4, 8].map(|a| number(&p[a..a + 4]))).collect()
+}
+
+#[test]
+fn coordinates_of_32_bits_count_from_an_origin_near_the_part() {
+    let dir = Scratch::new();
+    let (part, stl, beside) = (dir.path("far.brf"), dir.path("f.stl"), dir.path("f.stl.origin.json"));
+    let far = dir.file("far.obj", box_at(FAR));
+    let built = dir.path("b.stl");
+    let told = run(&[
+        &"build",
+        &far,
+        &"-o",
+        &part,
+        &"--depth",
+        &"1",
+        &"--unit",
+        &"m",
+        &"--mesh",
+        &built,
+        &"--origin",
+        &"auto",
+        &"--json",
+    ])
+    .json();
+    assert_eq!(told["mesh"]["origin"], serde_json::json!([4_500_004.0, 5_350_002.0, 513.0]));
+    let told = run(&[&"mesh", &part, &"-o", &stl, &"--origin", &"auto", &"--json", &"--check"]).json();
+    assert_eq!(std::fs::read(&built).unwrap(), std::fs::read(&stl).unwrap());
+    let said: Value = serde_json::from_str(&std::fs::read_to_string(&beside).unwrap()).unwrap();
+    assert_eq!(said["origin"], told["origin"]);
+    assert_eq!((&said["file"], &said["unit"]), (&Value::from("f.stl"), &Value::from("m")));
+    assert_eq!(told["coordinate_bits"], 32);
+    let origin = [0, 1, 2].map(|a| said["origin"][a].as_f64().unwrap());
+    // The corners of the box, as exactly as 32 bits say near the origin; of the mesh they are within a cell.
+    let ends = |end: fn(f64, f64) -> f64, start: f64| {
+        let corners = read_stl(&stl);
+        [0, 1, 2].map(|a| origin[a] + corners.iter().map(|p| p[a]).fold(start, end))
+    };
+    let (low, high) = (ends(f64::min, f64::INFINITY), ends(f64::max, f64::NEG_INFINITY));
+    for a in 0..3 {
+        assert!((low[a] - FAR[a]).abs() < 1e-5, "{low:?}");
+        assert!((high[a] - FAR[a] - [8.0, 4.0, 2.0][a]).abs() < 1e-5, "{high:?}");
+        assert!((told["bounds"][0][a].as_f64().unwrap() - low[a]).abs() < 1e-9);
+    }
+    let text = run(&[&"mesh", &part, &"-o", &stl, &"--origin", &"4500000,5350000,0"]).ok();
+    assert!(text.contains("origin   4500000,5350000,0 m, to be added"), "{text}");
+    // Where nothing is to be shifted the file of before would mislead.
+    let near = dir.path("near.brf");
+    run(&[&"build", &dir.file("near.obj", box_at([0.0; 3])), &"-o", &near, &"--depth", &"1", &"-q"]).ok();
+    let warned = run(&[&"mesh", &near, &"-o", &stl, &"--origin", &"auto", &"-q"]);
+    assert!(warned.status == Some(0) && warned.stderr.contains("of an earlier mesh"), "{}", warned.stderr);
+    // Formats of 64 bits stay where they are.
+    let told = run(&[&"mesh", &part, &"-o", &dir.path("f.ply"), &"--origin", &"auto", &"--json"]).json();
+    assert_eq!((&told["origin"], &told["coordinate_bits"]), (&Value::Null, &Value::from(64)));
+    run(&[&"build", &far, &"-o", &part, &"--depth", &"1", &"--mesh", &dir.path("b.ply"), &"-q"]).ok();
+    assert_eq!(std::fs::read(dir.path("b.ply")).unwrap(), std::fs::read(dir.path("f.ply")).unwrap());
+    let wrong = run(&[&"mesh", &part, &"-o", &stl, &"--origin", &"near"]).misused();
+    assert!(wrong.contains("neither auto nor three numbers"), "{wrong}");
+    let too_far = run(&[&"mesh", &part, &"-o", &stl, &"--origin", &"0,0,0"]).failed();
+    assert!(too_far.contains("--origin auto"), "{too_far}");
+    let splats = run(&[&"splats", &part, &"-o", &dir.path("s.ply")]).failed();
+    assert!(splats.contains("32 bits round") && splats.contains("write .bsp"), "{splats}");
+}
+
+/// An array of a `.vtp`, by the words of its XML.
+fn vtp_array<'a>(file: &'a [u8], name: &str) -> &'a [u8] {
+    let mark = b"encoding=\"raw\">\n_";
+    let data = file.windows(mark.len()).position(|word| word == mark).unwrap() + mark.len();
+    let xml = std::str::from_utf8(&file[..data]).unwrap();
+    let line = xml.lines().find(|line| line.contains(&format!("Name=\"{name}\""))).unwrap();
+    let offset = line.split("offset=\"").nth(1).unwrap().split('"').next().unwrap();
+    let at = data + offset.parse::<usize>().unwrap();
+    let length = u64::from_le_bytes(file[at..at + 8].try_into().unwrap()) as usize;
+    &file[at + 8..at + 8 + length]
+}
+
+/// Files of VTK and of glTF hold what those of PLY do.
+#[test]
+fn thickness_and_deviation_are_written_in_each_format() {
+    let dir = Scratch::new();
+    let (input, part) = (dir.file("b.obj", box_at([0.0; 3])), dir.path("p.brf"));
+    run(&[&"build", &input, &"-o", &part, &"--depth", &"1", &"-q"]).ok();
+    for name in ["thickness", "deviation"] {
+        let write = |ending: &str| {
+            let path = dir.path(&format!("{name}.{ending}"));
+            match name {
+                "thickness" => run(&[&name, &part, &"-o", &path, &"-q"]).ok(),
+                _ => run(&[&name, &part, &input, &"-o", &path, &"-q"]).ok(),
+            };
+            std::fs::read(path).unwrap()
+        };
+        let (ply, vtp) = (write("ply"), write("vtp"));
+        let end = ply.windows(11).position(|word| word == b"end_header\n").unwrap() + 11;
+        let bytes = 12;
+        let points = vtp_array(&vtp, "Points");
+        let count = points.len() / bytes;
+        assert!(count > 100);
+        let rows = ply[end..].chunks_exact(bytes + 4).take(count);
+        assert!(rows.clone().zip(points.chunks_exact(bytes)).all(|(row, point)| row[..bytes] == *point));
+        let numbers: Vec<u8> = rows.flat_map(|row| row[bytes..].to_vec()).collect();
+        assert_eq!(vtp_array(&vtp, name), numbers);
+        let faces: Vec<u8> = ply[end + count * (bytes + 4)..]
+            .chunks_exact(13)
+            .flat_map(|face| {
+                face[1..].chunks_exact(4).flat_map(|id| [id, &[0; 4]].concat()).collect::<Vec<u8>>()
+            })
+            .collect();
+        assert_eq!(vtp_array(&vtp, "connectivity"), faces);
+        let glb = write("glb");
+        let json = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+        let scene: Value = serde_json::from_slice(&glb[20..20 + json]).unwrap();
+        let attribute = format!("_{}", name.to_uppercase());
+        let accessor = scene["meshes"][0]["primitives"][0]["attributes"][&attribute].as_u64().unwrap();
+        let view = scene["accessors"][accessor as usize]["bufferView"].as_u64().unwrap();
+        let view = &scene["bufferViews"][view as usize];
+        let at = 28 + json + view["byteOffset"].as_u64().unwrap() as usize;
+        let found = &glb[at..at + view["byteLength"].as_u64().unwrap() as usize];
+        let number = |b: &[u8]| f32::from_le_bytes(b.try_into().unwrap());
+        for (a, b) in found.chunks_exact(4).zip(numbers.chunks_exact(4)) {
+            let (a, b) = (number(a), number(b));
+            assert!(a == b || a == -1.0 && b.is_nan(), "{a} {b}");
+        }
+        assert_eq!(found.len(), numbers.len());
+    }
+    assert!(run(&[&"thickness", &part, &"-o", &dir.path("t.stl")]).misused().contains(".vtp"));
+    // Distances are found in the store's coordinates, of 32 bits.
+    run(&[&"build", &dir.file("far.obj", box_at(FAR)), &"-o", &part, &"--depth", &"1", &"-q"]).ok();
+    let refused = run(&[&"thickness", &part, &"-o", &dir.path("t.vtp")]).failed();
+    assert!(refused.contains("p.brf: surface: cells of ") && !dir.path("t.vtp").exists(), "{refused}");
 }

@@ -6,7 +6,7 @@ use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::distance_args::{DeviationArgs, OffsetArgs, ThicknessArgs};
 use crate::layer_args::{LayersArgs, OverlapArgs};
 use crate::machine_args::MachineArgs;
-pub use crate::mesh_args::MeshArgs;
+pub use crate::mesh_args::{MeshArgs, OriginArg};
 use crate::picture_args::{RenderArgs, SliceArgs};
 use crate::pieces::OrientArg;
 use crate::shell_args::{CompletionsArgs, ManArgs};
@@ -79,9 +79,11 @@ the cells along a side and takes about four times the time and space.
 Of toolpaths the cells are then at most 0.4 of the least bead height and width, leaving out the least 1 % of the deposited \
 length. They are never in step with the layers. What a build of toolpaths will take is told before it begins.
 
-Point clouds are PLY without faces, or text with a point a line (.xyz, .pts, .asc). Their columns have names, or are \
-understood by their numbers. They need normals, or --estimate-normals. Every point counts as a dipole with the area that its \
-nearest neighbours leave it, spread over a small ball.
+Point clouds are PLY without faces, PCD, LAS, LAZ (also COPC), E57, or text with a point a line (.xyz, .pts, .asc). Columns of \
+text have names, or are understood by their numbers. E57 is read in mm; LAS says no unit, so give --unit.
+
+Clouds need normals, or --estimate-normals. Every point counts as a dipole with the area that its nearest neighbours leave \
+it, spread over a small ball.
 
 Without --depth and --cell the cells are about half as large as the points are apart.
 
@@ -225,6 +227,9 @@ pub struct BuildArgs {
     pub restart: bool,
     #[arg(long, value_name = "OUT", help = format!("Also write the boundary mesh, w = 0.5, as {}", listed_mesh_endings(" or ")))]
     pub mesh: Option<PathBuf>,
+    /// Count the coordinates of --mesh from another origin, as in `mesh --origin`: `auto` or x,y,z
+    #[arg(long, value_name = "ORIGIN", requires = "mesh", allow_hyphen_values = true)]
+    pub origin: Option<OriginArg>,
     /// Print the summary as JSON
     #[arg(long)]
     pub json: bool,
@@ -571,7 +576,7 @@ fn inputs_of_build() -> String {
     let meshes: Vec<String> = mesh_endings().map(str::to_uppercase).collect();
     let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
     format!(
-        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, PCD, XYZ; or \
+        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, PCD, LAS, LAZ, E57, XYZ; or \
          one volume: {}",
         meshes.join(", "),
         volumes.join(", ")

@@ -37,7 +37,7 @@ pub struct ThicknessArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
-    /// The mesh to write, whose vertices have the property thickness; its name ends in .ply
+    /// The mesh to write, whose vertices have the property thickness; its name ends in .ply, .vtp or .glb
     #[arg(long, short, value_name = "T.ply", required_unless_present = "volume")]
     pub output: Option<PathBuf>,
     /// Also write local thickness as a volume: .npy, .vdb, .vtkhdf, .zarr, .vti, .mhd, .mha, .tif or .raw
@@ -184,7 +184,7 @@ pub struct DeviationArgs {
     /// What it should be: a mesh, as .stl, .obj or .ply, or a store
     #[arg(value_name = "REFERENCE")]
     pub reference: PathBuf,
-    /// The mesh to write, whose vertices have the property deviation; its name ends in .ply
+    /// The mesh to write, whose vertices have the property deviation; its name ends in .ply, .vtp or .glb
     #[arg(long, short, value_name = "D.ply")]
     pub output: PathBuf,
     /// Fail, with status 1, if a distance either way is larger, as in 0.2mm

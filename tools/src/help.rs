@@ -94,6 +94,7 @@ const HEADINGS: [(&str, &[&str]); 7] = [
         &[
             "output",
             "mesh",
+            "origin",
             "labels",
             "regions",
             "format",

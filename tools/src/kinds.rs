@@ -157,8 +157,8 @@ const OTHER_ENDINGS: [(&[&str], StoreNameUse); 5] = [
     (&["x3d"], StoreNameUse::WrittenBy("beads")),
     (
         &[
-            "gcode", "gco", "g", "nc", "ngc", "cnc", "mpf", "tap", "gz", "xz", "xyz", "pts", "asc", "csv",
-            "txt",
+            "gcode", "gco", "g", "nc", "ngc", "cnc", "mpf", "tap", "gz", "xz", "xyz", "pts", "asc", "pcd",
+            "las", "laz", "e57", "csv", "txt",
         ],
         StoreNameUse::Read,
     ),

@@ -8,6 +8,7 @@ use brickfield_engine::contour::listed_mesh_endings;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args, ValueEnum};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Write a mesh of the surface where the winding number passes a value, or check a mesh
 #[derive(Args)]
@@ -109,11 +110,19 @@ pub struct MeshArgs {
     /// them flat, facet by facet.
     #[arg(long, requires = "output")]
     pub normals: bool,
-    /// Write coordinates with 64 bits, in .ply and .obj; so they are by themselves where 32 bits would round them by more than a
+    /// Count coordinates from another origin, which is told beside the mesh: `auto` or x,y,z
+    ///
+    /// For formats of 32 bits and parts far from the origin. `auto` takes a round position near the part where 32 bits would
+    /// round by more than a 256th of a cell, and where the format has no 64. The origin is printed and written to OUT.origin.json; what is
+    /// added to it are the store's coordinates.
+    #[arg(long, value_name = "ORIGIN", requires = "output", allow_hyphen_values = true,
+        conflicts_with_all = ["double", "detail", "triangles", "max_size"])]
+    pub origin: Option<OriginArg>,
+    /// Write coordinates with 64 bits, in .ply, .obj and .vtp; so they are by themselves where 32 bits would round them by more than a
     /// 256th of a cell
     #[arg(long, requires = "output", conflicts_with_all = ["normals", "detail", "triangles", "max_size"])]
     pub double: bool,
-    /// Give every triangle of a .ply numbers of the bead that it lies on, as in bead,layer,feature
+    /// Give every triangle of a .ply or .vtp numbers of the bead that it lies on, as in bead,layer,feature
     ///
     /// Beads are numbered from 0 as in `overlap`, layers from 1, and features as in the list in the file's comments; -1 is none.
     /// The store must tell beads apart (`build --identity`).
@@ -139,6 +148,32 @@ pub struct MeshArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// From where coordinates of a mesh count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OriginArg {
+    /// From near the part, where that is needed.
+    Auto,
+    /// From here.
+    At([f64; 3]),
+}
+
+impl FromStr for OriginArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<OriginArg, String> {
+        if text == "auto" {
+            return Ok(OriginArg::Auto);
+        }
+        let wrong = || format!("\"{text}\" is neither auto nor three numbers x,y,z");
+        let numbers: Vec<f64> = text
+            .split(',')
+            .map(|c| c.trim().parse().ok().filter(|c: &f64| c.is_finite()))
+            .collect::<Option<_>>()
+            .ok_or_else(wrong)?;
+        numbers.first_chunk().filter(|_| numbers.len() == 3).map(|at| OriginArg::At(*at)).ok_or_else(wrong)
+    }
 }
 
 /// What is told of the bead that a triangle lies on.

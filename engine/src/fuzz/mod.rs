@@ -11,11 +11,13 @@ mod tests;
 pub type Target = fn(&[u8]);
 
 /// All readers. The small files to begin with are in `fuzz/seeds/NAME`.
-pub const TARGETS: [(&str, Target); 16] = [
+pub const TARGETS: [(&str, Target); 18] = [
     ("stl", crate::ingest::fuzz::stl),
     ("obj", crate::ingest::fuzz::obj),
     ("ply", crate::ingest::fuzz::ply),
     ("xyz", crate::ingest::fuzz::xyz),
+    ("las", crate::ingest::fuzz::las),
+    ("e57", crate::ingest::fuzz::e57),
     ("three_mf", crate::ingest::fuzz::three_mf),
     ("off", crate::ingest::fuzz::off),
     ("amf", crate::ingest::fuzz::amf),

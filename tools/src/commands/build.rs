@@ -4,7 +4,7 @@ use super::build_report::{BuildReport, CloudText};
 use super::mesh::{MeshReport, mesh_sink, require_mesh_space, write_mesh};
 use super::{build_plan, build_volume};
 use super::{features_of, open_inputs, open_store, start};
-use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, RefineArg};
+use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, OriginArg, RefineArg};
 use crate::cache_args::CompressionArg;
 use crate::clouds::open_clouds;
 use crate::devices::{BackendArgs, ComputeDevice, DeviceCheckArg, choose};
@@ -23,7 +23,7 @@ use brickfield_engine::build::{
     build_planned,
 };
 use brickfield_engine::contour::{ContourOptions, MeshSink};
-use brickfield_engine::ingest::{Input, OpenOptions};
+use brickfield_engine::ingest::{CloudInput, Input, OpenOptions};
 use brickfield_engine::store::{AcceptedStores, BrickTree, Refine, Store};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -52,6 +52,7 @@ pub(super) struct BuildRequest {
     device_check: DeviceCheckArg,
     pub(super) memory: Option<Size>,
     mesh: Option<PathBuf>,
+    origin: Option<OriginArg>,
     pub(super) json: bool,
     pub(super) work: WorkArgs,
 }
@@ -126,6 +127,7 @@ impl TryFrom<BuildArgs> for BuildRequest {
             device_check,
             memory,
             mesh,
+            origin,
             json,
             beads_as,
             count,
@@ -151,6 +153,7 @@ impl TryFrom<BuildArgs> for BuildRequest {
             device_check,
             memory,
             mesh,
+            origin,
             json,
             work,
         })
@@ -204,6 +207,20 @@ pub(super) fn settle_unit(request: &mut BuildRequest, inputs: &[Input]) -> Resul
     Ok(())
 }
 
+/// E57 counts in metres and is read in mm, as every input that says its unit.
+fn settle_unit_of_clouds(request: &mut BuildRequest, clouds: &[CloudInput]) -> Result<(), Failure> {
+    let in_mm = clouds.iter().filter(|cloud| cloud.is_in_millimetres()).count();
+    if in_mm == 0 || request.units == Unit::Mm {
+        return Ok(());
+    }
+    if in_mm < clouds.len() {
+        let what = "E57 is read in mm, from its metres: give the other clouds in mm, and leave it out";
+        return Err(Failure::Usage(format!("--unit {}: {what}", request.units)));
+    }
+    count_in_mm(request);
+    Ok(())
+}
+
 fn count_in_mm(request: &mut BuildRequest) {
     let factor = request.units.millimetres();
     if let Resolution::Cell(cell) = &mut request.options.resolution {
@@ -245,6 +262,7 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     request.toolpath.require_features(features_of(&inputs))?;
     let toolpaths = ToolpathReport::of_inputs(&inputs);
     settle_unit(&mut request, &inputs)?;
+    settle_unit_of_clouds(&mut request, clouds.as_deref().unwrap_or_default())?;
     choose_solids(&mut request, &inputs, clouds.is_some())?;
     let chosen = request.choose_device(clouds.is_some())?;
     let open_seconds = started.elapsed().as_secs_f64();
@@ -312,7 +330,7 @@ fn mesh_of(
     summary: &mut BuildSummary,
     bars: &Bars,
 ) -> Result<Option<MeshReport>, Failure> {
-    let (Some(path), Some(mut sink)) = (&request.mesh, sink) else { return Ok(None) };
+    let (Some(path), Some(sink)) = (&request.mesh, sink) else { return Ok(None) };
     let begun = Instant::now();
     let options = ContourOptions {
         cache_bytes: request.cache_bytes() as usize,
@@ -320,7 +338,7 @@ fn mesh_of(
         ..ContourOptions::default()
     };
     require_mesh_space(store, path, (options.iso, None), request.work.quiet)?;
-    let mut report = write_mesh(store, &options, path, sink.as_mut(), bars)?;
+    let mut report = write_mesh(store, &options, path, (sink, request.origin), bars)?;
     summary.phases.push(("mesh", begun.elapsed().as_secs_f64()));
     report.compare(store, &options, bars)?;
     Ok(Some(report))

@@ -1,7 +1,7 @@
 //! `brickfield deviation`: a part against what it should be.
 
-use super::thickness::{layers_of, require_ply};
-use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
+use super::thickness::{layers_of, require_numbers};
+use super::{no_unit, of_store, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, DeviationArgs};
 use crate::elsewhere::is_address;
@@ -9,13 +9,14 @@ use crate::failure::Failure;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
+use crate::units::Unit;
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
     Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
 use brickfield_engine::distance::{
-    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarPly, Sides, Surface, Triangles, align,
+    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, Sides, Surface, Triangles, align,
 };
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
@@ -89,7 +90,7 @@ pub(super) struct Compared<'a> {
 
 /// Runs the command.
 pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
-    require_ply(&args.output)?;
+    require_numbers(&args.output)?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
     let bars = start(args.work)?;
     let store = open_store(&args.store, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
@@ -102,7 +103,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
     let waiting = (args.memory.0 / 8, folder);
-    let mut ply = ScalarPly::new(PartFile::create(&args.output)?, "deviation", waiting)?;
+    let metres = Unit::of_symbol(&unit).map(Unit::metres);
+    let mut ply = ScalarMesh::new(PartFile::create(&args.output)?, "deviation", metres, waiting)?;
     let compared = Compared {
         reference: &args.reference,
         output: &args.output,
@@ -114,7 +116,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let opened = open_reference(&compared, &store, &bars)?;
     let sides_of_reference = opened.sides()?;
     let reference = opened.reference(sides_of_reference.as_ref());
-    let surface = Surface::new(&store, args.memory.0 / 4, folder, &bars)?;
+    let surface = Surface::new(&store, args.memory.0 / 4, folder, &bars)
+        .map_err(|error| of_store(&store, "surface", error))?;
     let sides = Sides::new(&store)?;
     let cell = surface.cell();
     let Some(bounds) = surface.bounds() else {

@@ -214,5 +214,6 @@ fn motion(
     let mut mesh = PositionsSink::default();
     let contouring = ContourOptions { cache_bytes: (args.memory / 4) as usize, ..ContourOptions::default() };
     contour(store, &contouring, &mut mesh, bars)?;
-    Ok(align(&mesh.positions, bounds, reference, how.into())?.0)
+    let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.map(f64::from)).collect();
+    Ok(align(&positions, bounds, reference, how.into())?.0)
 }

@@ -3,10 +3,10 @@
 use super::mesh_check::{CheckOutcome, require_sound};
 use super::mesh_close::{ClosedStore, MeshClosing};
 use super::mesh_detail::{self, MeshDetail};
-use super::mesh_place;
+use super::mesh_place::{self, MeshPlace, PlaceWish};
 use super::mesh_shells::{self, ShellChoice, Shells};
 use super::{of_store, open_store, require_level, start};
-use crate::args::{MeshArgs, MethodArg};
+use crate::args::{MeshArgs, MethodArg, OriginArg};
 use crate::elsewhere::is_address;
 use crate::failure::Failure;
 use crate::kinds::not_a_store;
@@ -19,8 +19,8 @@ use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Size, Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
-    Angles, ContourMethod, ContourOptions, Coordinates, MeshSink, MeshSummary, ShellFilter, contour,
-    create_sink, create_sink_with_normals, foresee_triangles,
+    Angles, ContourMethod, ContourOptions, Coordinates, MeshSink, MeshSummary, PlacedSink, ShellFilter,
+    contour, create_sink, create_sink_with_normals, foresee_triangles,
 };
 use brickfield_engine::fraction::FractionTree;
 use brickfield_engine::part::free_beside;
@@ -69,10 +69,10 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     require_distinct(&[output], &[&args.file])?;
     tell_left_behind(output, args.work.quiet);
-    let is_moved = mesh_place::is_moved(&args, &store, output, is_coarse)?;
-    let place = MovedTree::middle(&store);
-    let coordinates = if is_moved { Coordinates::DoubleFrom(place) } else { Coordinates::Single };
-    let mut sink = match mesh_place::sink(&args, &store, output, coordinates)? {
+    let single = args.normals || is_coarse;
+    let wish = PlaceWish { double: args.double, origin: args.origin, single, stays: is_coarse };
+    let place = MeshPlace::of(wish, &store, output)?;
+    let mut sink = match mesh_place::sink(&args, &store, output, place)? {
         Some(sink) => sink,
         None => mesh_sink(output, Unit::of_symbol(&store.meta().unit), args.normals)?,
     };
@@ -84,8 +84,8 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     if args.tolerance.in_unit(Unit::Mm) == 0.0 && !is_coarse {
         require_mesh_space(store, output, (iso, args.level), args.work.quiet)?;
     }
-    let moved = MovedTree::new(store, place);
-    let tree: &dyn BrickTree = if is_moved { &moved } else { store };
+    let moved = MovedTree::new(store, place.base().unwrap_or_default());
+    let tree: &dyn BrickTree = if place == MeshPlace::World { store } else { &moved };
     if is_coarse {
         return run_coarse(
             (&args, closing, started),
@@ -113,14 +113,12 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
         report.compare(store, &options, &bars)?;
         report
     };
-    if is_moved {
-        report.bounds = report.bounds.map(|bounds| bounds.moved(place));
-        report.coordinate_bits = 64;
-    }
+    report.place(place);
     if closing.is_some() {
         (report.closing, report.seconds) = (closing, started.elapsed().as_secs_f64());
     }
     drop(sink);
+    place.tell(store, output)?;
     finish(&args, store, output, report, &bars)
 }
 
@@ -267,6 +265,7 @@ pub fn bytes_a_triangle(path: &Path) -> u64 {
         Some("stl") => 50,
         Some("obj") => 45,
         Some("3mf") => 12,
+        Some("vtp") => 38,
         // Binary PLY and GLB.
         _ => 19,
     }
@@ -359,6 +358,9 @@ pub struct MeshReport {
     volume: f64,
     bounds: Option<MeshBounds>,
     coordinate_bits: u8,
+    /// What is to be added to the file's coordinates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    origin: Option<[f64; 3]>,
     brick_cache: BrickCache,
     seconds: f64,
     /// What the volume should be, where that is known.
@@ -432,6 +434,14 @@ impl From<Angles> for Quality {
 }
 
 impl MeshReport {
+    /// Of a mesh that was made elsewhere: its bounds are those in the store's world.
+    pub(super) fn place(&mut self, place: MeshPlace) {
+        let Some(base) = place.base() else { return };
+        self.bounds = self.bounds.take().map(|bounds| bounds.moved(base));
+        self.origin = place.origin();
+        self.coordinate_bits = if self.origin.is_some() { 32 } else { 64 };
+    }
+
     /// Compares the mesh's volume with that of the source, which the store knows where that was closed, or else with
     /// that of the store's own chords; and warns if they are farther apart than what cells can hide. Only of the boundary of
     /// a whole store at its finest.
@@ -475,6 +485,9 @@ impl MeshReport {
             "{output}: {triangles} triangles, {vertices} vertices, area {area:.6} {unit}², volume {volume:.6} \
              {unit}³, {seconds:.2} s"
         );
+        if let Some([x, y, z]) = self.origin {
+            text += &format!("\n  origin   {x},{y},{z} {unit}, to be added to the file's coordinates");
+        }
         text.extend(self.closing.iter().map(|closing| closing.text(unit)));
         text.extend(self.expected_text());
         let shells = self.shells.unwrap_or_default();
@@ -513,15 +526,26 @@ impl MeshReport {
     }
 }
 
-/// Contours the store into `sink`, which was made for `path`.
+/// Contours the store into `sink`, which was made for `path`, or into another file of that name where coordinates need
+/// 64 bits.
 pub fn write_mesh(
     store: &Store,
     options: &ContourOptions,
     path: &Path,
-    sink: &mut dyn MeshSink,
+    (mut sink, origin): (Box<dyn MeshSink>, Option<OriginArg>),
     progress: &dyn Progress,
 ) -> Result<MeshReport, Failure> {
-    write_tree(store, store, options, path, sink, progress)
+    let place = MeshPlace::of(PlaceWish { origin, ..PlaceWish::default() }, store, path)?;
+    if place.coordinates() != Coordinates::Single {
+        drop(sink);
+        sink = Box::new(PlacedSink::create(path, place.coordinates(), None)?);
+    }
+    let moved = MovedTree::new(store, place.base().unwrap_or_default());
+    let tree: &dyn BrickTree = if place == MeshPlace::World { store } else { &moved };
+    let mut report = write_tree(store, tree, options, path, sink.as_mut(), progress)?;
+    report.place(place);
+    place.tell(store, path)?;
+    Ok(report)
 }
 
 /// Contours a tree that was made of the store.
@@ -553,6 +577,7 @@ fn write_tree(
         volume,
         bounds: bounds.map(MeshBounds::Single),
         coordinate_bits: 32,
+        origin: None,
         brick_cache: BrickCache { hits, misses, ahead, ahead_used },
         seconds: started.elapsed().as_secs_f64(),
         expected: None,

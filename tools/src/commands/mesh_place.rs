@@ -1,12 +1,18 @@
-//! Coordinates of 64 bits and numbers of triangles for `brickfield mesh`.
+//! Where the coordinates of a mesh count from, and how many bits they have; numbers of triangles.
 
-use crate::args::MeshArgs;
+use super::unit_of;
+use crate::args::{MeshArgs, OriginArg};
 use crate::failure::Failure;
 use crate::output::{in_line, warn};
 use brickfield_engine::analysis::FaceBeads;
-use brickfield_engine::contour::{Coordinates, DOUBLE_ENDINGS, FaceAttributes, MeshSink, PlacedSink};
-use brickfield_engine::store::{BrickTree, Store};
-use std::path::Path;
+use brickfield_engine::contour::{
+    Coordinates, DOUBLE_ENDINGS, FaceAttributes, MeshSink, NUMBER_ENDINGS, PlacedSink,
+};
+use brickfield_engine::lattice::RootCube;
+use brickfield_engine::part::PartFile;
+use brickfield_engine::store::{BrickTree, MovedTree, Store};
+use serde_json::json;
+use std::path::{Path, PathBuf};
 
 /// Rounding by more than this part of a cell asks for coordinates of 64 bits.
 const CELL_PART: f64 = 256.0;
@@ -19,40 +25,140 @@ fn ends_in(path: &Path, endings: &[&str]) -> bool {
 const LEAST_PART: f64 = 16.0;
 
 /// By how much 32 bits round the largest coordinate; nothing where another origin would not make that less.
-fn rounding(store: &Store) -> f64 {
-    let root = store.root();
+fn rounding(root: RootCube) -> f64 {
     let most = root.origin.iter().map(|c| c.abs().max((c + root.edge).abs())).fold(0.0, f64::max);
     if most > 2.0 * root.edge { most * f64::from(f32::EPSILON) / 2.0 } else { 0.0 }
 }
 
-/// Whether the mesh is made about the middle of the part, and its coordinates have 64 bits.
+/// What is asked of a mesh that its place depends on.
+#[derive(Clone, Copy, Default)]
+pub(super) struct PlaceWish {
+    pub double: bool,
+    pub origin: Option<OriginArg>,
+    /// Whether only coordinates of 32 bits can be written.
+    pub single: bool,
+    /// Whether the origin cannot be another.
+    pub stays: bool,
+}
+
+/// How the coordinates of a mesh are written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum MeshPlace {
+    /// The store's, with 32 bits.
+    World,
+    /// The store's, with 64 bits: the mesh is made about this position.
+    Double([f64; 3]),
+    /// From this position, with 32 bits.
+    Shifted([f64; 3]),
+}
+
+impl MeshPlace {
+    /// Of a mesh of a store.
+    ///
+    /// # Errors
+    /// If 64 bits are asked for in a format that has none; if 32 bits cannot tell cells apart.
+    pub fn of(wish: PlaceWish, store: &Store, output: &Path) -> Result<MeshPlace, Failure> {
+        let has_double = ends_in(output, &DOUBLE_ENDINGS);
+        if wish.double && !has_double {
+            let what = "--double: coordinates of 64 bits are written as .ply, .obj or .vtp";
+            return Err(Failure::Usage(format!("{}: {what}", in_line(output))));
+        }
+        let root = store.root();
+        let cell = root.spacing(store.deepest_level());
+        let is_needed = rounding(root) > cell / CELL_PART;
+        let middle = MovedTree::middle(store);
+        let chosen = match wish.origin {
+            Some(OriginArg::At(origin)) => Some(origin),
+            Some(OriginArg::Auto) if is_needed && (!has_double || wish.single) => {
+                Some(MovedTree::round_middle(store))
+            }
+            _ if wish.double || is_needed && has_double && !wish.single => {
+                return Ok(MeshPlace::Double(middle));
+            }
+            _ => None,
+        };
+        let root = chosen.map_or(root, |origin| MovedTree::new(store, origin).root());
+        let remedy = match wish.stays {
+            true => "write .ply, .obj or .vtp without --detail, which have 64",
+            false => "write .ply, .obj or .vtp without normals, which have 64, or give --origin auto",
+        };
+        require_single(store, root, output, remedy)?;
+        Ok(chosen.map_or(MeshPlace::World, MeshPlace::Shifted))
+    }
+
+    /// How a sink gets coordinates.
+    pub fn coordinates(self) -> Coordinates {
+        match self {
+            MeshPlace::Double(base) => Coordinates::DoubleFrom(base),
+            MeshPlace::World | MeshPlace::Shifted(_) => Coordinates::Single,
+        }
+    }
+
+    /// Where the mesh is made about, which is its origin for what makes it.
+    pub fn base(self) -> Option<[f64; 3]> {
+        match self {
+            MeshPlace::World => None,
+            MeshPlace::Double(base) | MeshPlace::Shifted(base) => Some(base),
+        }
+    }
+
+    /// What is to be added to the file's coordinates.
+    pub fn origin(self) -> Option<[f64; 3]> {
+        if let MeshPlace::Shifted(origin) = self { Some(origin) } else { None }
+    }
+
+    /// Writes the origin beside the mesh, or warns of the one of a mesh before it.
+    ///
+    /// # Errors
+    /// What writing gives.
+    pub fn tell(self, store: &Store, mesh: &Path) -> Result<(), Failure> {
+        let path = origin_path(mesh);
+        let Some(origin) = self.origin() else {
+            if path.exists() {
+                warn(&format!(
+                    "{}: is of an earlier mesh, not of this one, whose origin is 0,0,0",
+                    in_line(&path)
+                ));
+            }
+            return Ok(());
+        };
+        let name = mesh.file_name().map(|name| name.to_string_lossy().into_owned());
+        let document = json!({ "file": name, "origin": origin, "unit": store.meta().unit });
+        let mut file = PartFile::create(&path)?;
+        file.append(format!("{document:#}\n").as_bytes())?;
+        file.finish()?;
+        Ok(())
+    }
+}
+
+/// Refuses coordinates of 32 bits where they cannot tell cells apart in such a root cube, and warns before.
 ///
 /// # Errors
-/// If that is asked for in a format that has none.
-pub(super) fn is_moved(
-    args: &MeshArgs,
+/// With what to do.
+pub(super) fn require_single(
     store: &Store,
+    root: RootCube,
     output: &Path,
-    is_coarse: bool,
-) -> Result<bool, Failure> {
-    let has_double = ends_in(output, &DOUBLE_ENDINGS);
-    if args.double && !has_double {
-        let what = "--double: coordinates of 64 bits are written as .ply or .obj";
-        return Err(Failure::Usage(format!("{}: {what}", in_line(output))));
+    remedy: &str,
+) -> Result<(), Failure> {
+    let (off, cell) = (rounding(root), root.spacing(store.deepest_level()));
+    if off <= cell / CELL_PART {
+        return Ok(());
     }
-    let cell = store.root().spacing(store.deepest_level());
-    let is_needed = rounding(store) > cell / CELL_PART;
-    if !is_needed || args.double || has_double && !args.normals && !is_coarse {
-        return Ok(args.double || is_needed);
-    }
-    let (off, unit) = (rounding(store), super::unit_of(store.meta()));
+    let unit = unit_of(store.meta());
     let what = format!("32 bits round coordinates by up to {off:.1e} {unit}, cells are {cell:.1e} {unit}");
-    let remedy = "write .ply or .obj without normals, which have 64";
     if off > cell / LEAST_PART {
         return Err(anyhow::anyhow!("{}: {what}; {remedy}", in_line(output)).into());
     }
     warn(&format!("{}: {what}: {remedy}", in_line(output)));
-    Ok(false)
+    Ok(())
+}
+
+/// The name of the file that tells the origin of a mesh.
+fn origin_path(mesh: &Path) -> PathBuf {
+    let mut name = mesh.as_os_str().to_owned();
+    name.push(".origin.json");
+    PathBuf::from(name)
 }
 
 /// The file of a mesh with coordinates of 64 bits or with numbers, if that is what is asked for.
@@ -63,22 +169,26 @@ pub(super) fn sink<'a>(
     args: &MeshArgs,
     store: &'a Store,
     output: &Path,
-    coordinates: Coordinates,
+    place: MeshPlace,
 ) -> Result<Option<Box<dyn MeshSink + 'a>>, Failure> {
     let mut faces: Option<Box<dyn FaceAttributes + 'a>> = None;
     if !args.attributes.is_empty() {
-        if !ends_in(output, &["ply"]) {
-            let what = "--attributes: the name must end in .ply, the one format whose triangles have numbers";
+        if !ends_in(output, &NUMBER_ENDINGS) {
+            let what =
+                "--attributes: the name must end in .ply or .vtp, the formats whose triangles have numbers";
             return Err(Failure::Usage(format!("{}: {what}", in_line(output))));
         }
         let wanted = args.attributes.iter().map(|&attribute| attribute.into()).collect();
-        let Some(beads) = FaceBeads::new(store, coordinates, wanted)? else {
+        // Beads lie in the world, wherever the file counts from.
+        let of_made = place.base().map_or(Coordinates::Single, Coordinates::DoubleFrom);
+        let Some(beads) = FaceBeads::new(store, of_made, wanted)? else {
             let what =
                 "the store does not tell beads apart, so triangles have none; build it with --identity";
             return Err(anyhow::anyhow!("{}: {what}", in_line(store.path())).into());
         };
         faces = Some(Box::new(beads));
     }
+    let coordinates = place.coordinates();
     if faces.is_none() && coordinates == Coordinates::Single {
         return Ok(None);
     }

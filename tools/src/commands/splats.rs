@@ -1,5 +1,6 @@
 //! `brickfield splats`: the part as splats in a file.
 
+use super::mesh_place::require_single;
 use super::{CACHE_BYTES, no_unit, of_store, open_store, require_level, start, unit_of};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct};
@@ -11,7 +12,7 @@ use brickfield_engine::part::directory_of;
 use brickfield_engine::splats::{
     BspSummary, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_glb, write_page, write_ply,
 };
-use brickfield_engine::store::{AcceptedStores, Store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -48,6 +49,14 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     require_distinct(&[&args.output], &[&args.store])?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
+    }
+    if matches!(kind, Kind::Ply | Kind::Glb) {
+        require_single(
+            &store,
+            store.root(),
+            &args.output,
+            "write .bsp, or move the input nearer to the origin",
+        )?;
     }
     tell_left_behind(&args.output, args.work.quiet);
     let error = match args.error {

@@ -1,16 +1,17 @@
 //! `brickfield thickness`: how thick walls are, at every vertex of the mesh.
 
 use super::thickness_volume::VolumePlan;
-use super::{no_unit, open_store, require_whole_samples, start, unit_of};
+use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::{MeasureArg, ThicknessArgs};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
+use crate::units::Unit;
 use brickfield_engine::analysis::{CoveringPass, beads_at_points};
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::thickness::{Method, Options, PreviousContact, at_world, thin_regions};
-use brickfield_engine::distance::{PointNumbers, Region, ScalarPly, Surface};
+use brickfield_engine::distance::{PointNumbers, Region, SCALAR_ENDINGS, ScalarMesh, Surface};
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::{Value, json};
@@ -27,7 +28,7 @@ const COLUMNS: [&str; 10] =
 
 /// Runs the command.
 pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
-    args.output.as_deref().map(require_ply).transpose()?;
+    args.output.as_deref().map(require_numbers).transpose()?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
     let plan = VolumePlan::of(args)?;
     let bars = start(args.work)?;
@@ -45,9 +46,13 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
         (None, None) => Path::new("."),
     };
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
-    let ply = |output: &PathBuf| ScalarPly::new(PartFile::create(output)?, "thickness", (memory / 8, folder));
+    let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
+    let ply = |output: &PathBuf| {
+        ScalarMesh::new(PartFile::create(output)?, "thickness", metres, (memory / 8, folder))
+    };
     let ply = args.output.as_ref().map(ply).transpose()?;
-    let surface = Surface::new(&store, memory / 2, folder, &bars)?;
+    let surface = Surface::new(&store, memory / 2, folder, &bars)
+        .map_err(|error| of_store(&store, "surface", error))?;
     let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
     let mut text = String::new();
     if let Some(ply) = ply {
@@ -82,7 +87,7 @@ struct Told {
 fn at_vertices(
     args: &ThicknessArgs,
     (store, surface): (&Store, &Surface),
-    mut ply: ScalarPly,
+    mut ply: ScalarMesh,
     below: Option<f64>,
     bars: &Bars,
 ) -> Result<(Value, Told), Failure> {
@@ -120,11 +125,12 @@ fn at_vertices(
     Ok((document, Told { text, table }))
 }
 
-/// Refuses a name that does not end in .ply.
-pub(super) fn require_ply(path: &Path) -> Result<(), Failure> {
-    let is_ply = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply"));
-    let what = "the name must end in .ply, the one format whose vertices have numbers";
-    if is_ply { Ok(()) } else { Err(Failure::Usage(format!("{}: {what}", in_line(path)))) }
+/// Refuses a name of another format than those whose vertices have numbers.
+pub(super) fn require_numbers(path: &Path) -> Result<(), Failure> {
+    let ends = |known: &&str| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(known));
+    let what = "the name must end in .ply, .vtp or .glb, the formats whose vertices have numbers";
+    let has_numbers = SCALAR_ENDINGS.iter().any(ends);
+    if has_numbers { Ok(()) } else { Err(Failure::Usage(format!("{}: {what}", in_line(path)))) }
 }
 
 /// The layers of the beads beside the lowest and the highest point of each region, from 1; null where the store does not tell

@@ -13,8 +13,6 @@ use rayon::prelude::*;
 const AT_ONCE: usize = 256;
 /// A bead whose surface is farther than so many cells is not the triangle's.
 const CELLS_AWAY: f64 = 1.5;
-/// Bytes of a face with its corners.
-const CORNER_BYTES: usize = 13;
 
 /// What is told of the bead of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,7 +108,7 @@ impl<'a> FaceBeads<'a> {
     }
 
     /// The numbers of a bead in a file; -1 of none.
-    fn numbers(&self, bead: Option<u32>) -> impl Iterator<Item = i32> {
+    fn numbers_of(&self, bead: Option<u32>) -> impl Iterator<Item = i32> {
         let number = move |wanted: &BeadAttribute| {
             let Some(bead) = bead else { return -1 };
             let row = &self.tables.beads[bead as usize];
@@ -145,23 +143,22 @@ impl Listed {
 }
 
 impl FaceAttributes for FaceBeads<'_> {
-    fn comments(&self) -> String {
-        let mut lines = String::new();
-        if self.wanted.contains(&BeadAttribute::Feature) {
-            for (n, feature) in self.tables.features.iter().enumerate() {
-                let name: String =
-                    feature.chars().map(|c| if c.is_ascii_graphic() { c } else { ' ' }).collect();
-                lines += &format!("comment feature {n} {name}\n");
-            }
+    fn comments(&self) -> Vec<String> {
+        if !self.wanted.contains(&BeadAttribute::Feature) {
+            return Vec::new();
         }
-        lines
+        let line = |(n, feature): (usize, &String)| {
+            let name: String = feature.chars().map(|c| if c.is_ascii_graphic() { c } else { ' ' }).collect();
+            format!("feature {n} {name}")
+        };
+        self.tables.features.iter().enumerate().map(line).collect()
     }
 
-    fn properties(&self) -> String {
-        self.wanted.iter().map(|wanted| format!("property int {}\n", wanted.name())).collect()
+    fn names(&self) -> Vec<&'static str> {
+        self.wanted.iter().map(|wanted| wanted.name()).collect()
     }
 
-    fn append(&mut self, facets: &[MeshTriangle], corners: &[u8], out: &mut Vec<u8>) -> Result<()> {
+    fn numbers(&mut self, facets: &[MeshTriangle]) -> Result<Vec<i32>> {
         let base = match self.coordinates {
             Coordinates::Single => [0.0; 3],
             Coordinates::DoubleFrom(base) => base,
@@ -172,10 +169,6 @@ impl FaceAttributes for FaceBeads<'_> {
             })
         };
         let beads = self.at(&facets.iter().map(middle).collect::<Vec<_>>())?;
-        for (corners, bead) in corners.chunks_exact(CORNER_BYTES).zip(beads) {
-            out.extend_from_slice(corners);
-            self.numbers(bead).for_each(|number| out.extend_from_slice(&number.to_le_bytes()));
-        }
-        Ok(())
+        Ok(beads.into_iter().flat_map(|bead| self.numbers_of(bead).collect::<Vec<_>>()).collect())
     }
 }

@@ -31,14 +31,14 @@ pub enum Align {
 /// # Errors
 /// What reading the reference gives.
 pub fn align(
-    points: &[[f32; 3]],
+    points: &[[f64; 3]],
     bounds: [[f64; 3]; 2],
     reference: Reference<'_>,
     how: Align,
 ) -> Result<(Motion, f64)> {
     let mut motion = Motion::NONE;
     let step = points.len().div_ceil(ALIGNED_POINTS).max(1);
-    let some: Vec<[f64; 3]> = points.iter().step_by(step).map(|p| p.map(f64::from)).collect();
+    let some: Vec<[f64; 3]> = points.iter().step_by(step).copied().collect();
     let to = reference.bounds();
     let size = (0..3).map(|a| bounds[1][a] - bounds[0][a]).fold(0.0, f64::max);
     if how != Align::No {

@@ -32,7 +32,7 @@
 //! | `triangle_sort` | triangles sorted by place, in a file where they are too many |
 //! | `numbers` | a number for each of many points |
 //! | `regions` | patches that hang together |
-//! | `scalar_ply` | meshes whose vertices have a number |
+//! | `scalar_mesh` | meshes whose vertices have a number |
 
 mod align;
 mod around;
@@ -56,7 +56,7 @@ mod quadratic;
 mod questions;
 mod regions;
 mod sample_box;
-mod scalar_ply;
+mod scalar_mesh;
 mod sides;
 mod spilled;
 mod surface;
@@ -72,7 +72,7 @@ pub use band::{BAND, DistanceTree};
 pub use local::{LocalOf, LocalThickness};
 pub use numbers::PointNumbers;
 pub use regions::Region;
-pub use scalar_ply::ScalarPly;
+pub use scalar_mesh::{SCALAR_ENDINGS, ScalarMesh};
 pub use sides::Sides;
 pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
 pub use tally::LocalSpread;

@@ -1,8 +1,9 @@
-//! Point clouds: PLY without faces, PCD, and text with a point a line.
+//! Point clouds: PLY without faces, PCD, LAS, E57, and text with a point a line.
 
+use super::cloud_formats::{CloudFormat, TEXT};
 use super::columns::{CloudColumns, NormalLengths, short};
 use super::origin::Origin;
-use super::{InputKind, cloud_text, detect, pcd, ply};
+use super::{InputKind, detect};
 use crate::error::{Error, Result};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
@@ -22,8 +23,8 @@ pub struct CloudInput {
 }
 
 impl CloudInput {
-    /// Whether a file is a point cloud: a PLY without faces, a PCD, or text that ends in .xyz, .pts or .asc, or holds nothing but
-    /// lines of numbers.
+    /// Whether a file is a point cloud: a PLY without faces, a PCD, LAS, LAZ or E57, or text that ends in .xyz, .pts or
+    /// .asc, or holds nothing but lines of numbers.
     ///
     /// # Errors
     /// If the file is missing.
@@ -34,8 +35,9 @@ impl CloudInput {
         Ok(matches!(kind, InputKind::Cloud(_)))
     }
 
-    /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY or PCD, with its normals if it has those; or
-    /// text, whose columns have names or are understood by their numbers.
+    /// Reads a point cloud, which [`CloudInput::is_one`] knows: a PLY, PCD, LAS or E57, with its normals if it has
+    /// those; or text, whose columns have names or are understood by their numbers. LAZ and E57 take the features `las` and
+    /// `e57`.
     ///
     /// # Errors
     /// If the file is missing or damaged, has no points, has a coordinate that is not finite, or is changed meanwhile: the
@@ -45,17 +47,18 @@ impl CloudInput {
         let bytes = file.bytes();
         file.advise(Access::Sequential);
         progress.phase("reading", Some(file.len()), "bytes");
-        let (read, format) = if ply::is_ply(bytes) {
-            (ply::read_cloud(path, bytes, progress), "PLY points")
-        } else if pcd::is_pcd(bytes) {
-            (pcd::read(path, bytes, progress), "PCD points")
-        } else {
-            (cloud_text::read(path, bytes, progress), "XYZ points")
-        };
+        let CloudFormat { described, read, .. } = CloudFormat::of(path, bytes).unwrap_or(&TEXT);
+        let read = read(path, bytes, progress);
         file.check()?;
         let (cloud, columns) = read?;
         check(&cloud, path)?;
-        Ok(CloudInput { path: path.to_owned(), origin: Origin::File(file), format, cloud, columns })
+        Ok(CloudInput {
+            path: path.to_owned(),
+            origin: Origin::File(file),
+            format: described,
+            cloud,
+            columns,
+        })
     }
 
     /// A point cloud in memory, with an outward normal of any length for each point, or with none. Messages and stores call
@@ -124,9 +127,14 @@ impl CloudInput {
         &self.path
     }
 
-    /// The format: "PLY points", "XYZ points" or "points in memory".
+    /// The format: "PLY points", "PCD points", "LAS points", "E57 points", "XYZ points" or "points in memory".
     pub fn describe(&self) -> &'static str {
         self.format
+    }
+
+    /// Whether the format says its unit, so that positions are in millimetres.
+    pub fn is_in_millimetres(&self) -> bool {
+        self.format == "E57 points"
     }
 
     /// Size of the file, or of the arrays, in bytes.

@@ -1,7 +1,8 @@
 //! Which format a file is in: by its content if that is conclusive, else by its ending.
 
+use super::cloud_formats::CloudFormat;
 use super::formats::{FileStart, MeshFormat, TellTale, readable};
-use super::{cloud_text, foreign, pcd, ply, stl, text, three_mf};
+use super::{cloud_text, foreign, stl, text, three_mf};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use std::path::Path;
@@ -38,7 +39,7 @@ const BYTES_A_CONTROL: usize = 16;
 pub enum InputKind {
     /// A mesh: its format, as in "STL".
     Mesh(&'static str),
-    /// Points without faces: "PLY", "PCD" or "XYZ".
+    /// Points without faces: "PLY", "PCD", "LAS", "E57" or "XYZ".
     Cloud(&'static str),
     /// G-code.
     Toolpath,
@@ -70,11 +71,8 @@ pub(super) fn what_is(path: &Path, bytes: &[u8]) -> InputKind {
     if bytes.is_empty() {
         return InputKind::Empty;
     }
-    if ply::is_ply(bytes) && ply::has_faces(path, bytes).is_ok_and(|has_faces| !has_faces) {
-        return InputKind::Cloud("PLY");
-    }
-    if pcd::is_pcd(bytes) {
-        return InputKind::Cloud("PCD");
+    if let Some(format) = CloudFormat::of(path, bytes) {
+        return InputKind::Cloud(format.name);
     }
     match family(path, bytes) {
         Ok(ReaderKind::BinaryStl | ReaderKind::AsciiStl) => InputKind::Mesh("STL"),

@@ -102,5 +102,7 @@ pub(super) fn listed(last: &str) -> String {
 /// What can be given in place of a file that cannot be read.
 pub fn readable() -> String {
     let meshes = listed(" or ");
-    format!("give a mesh as {meshes}, a toolpath as G-code, beads as X3D, or points as PLY, PCD or XYZ")
+    format!(
+        "give a mesh as {meshes}, a toolpath as G-code, beads as X3D, or points as PLY, PCD, LAS, E57 or XYZ"
+    )
 }

@@ -68,6 +68,18 @@ pub fn xyz(bytes: &[u8]) {
     detect::what_is(path, bytes);
 }
 
+/// Any bytes as LAS, packed or not.
+pub fn las(bytes: &[u8]) {
+    let path = Path::new("a.las");
+    points(super::las::read(path, bytes, &Silent).map(|(cloud, _)| cloud), path);
+}
+
+/// Any bytes as E57.
+pub fn e57(bytes: &[u8]) {
+    let path = Path::new("a.e57");
+    points(super::e57::read(path, bytes, &Silent).map(|(cloud, _)| cloud), path);
+}
+
 /// Any bytes as the archive of a 3MF file.
 pub fn three_mf(bytes: &[u8]) {
     match ThreeMf::of_bytes(Path::new("a.3mf"), bytes, &Silent) {

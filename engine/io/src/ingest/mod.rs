@@ -9,9 +9,11 @@ mod amf;
 mod beads;
 mod bounds;
 mod cloud;
+mod cloud_formats;
 mod cloud_text;
 mod columns;
 mod detect;
+mod e57;
 mod fields;
 mod foreign;
 mod formats;
@@ -19,6 +21,9 @@ mod formats;
 #[doc(hidden)]
 pub mod fuzz;
 mod gltf;
+#[cfg(any(test, feature = "las", feature = "e57"))]
+mod guarded;
+mod las;
 mod obj;
 mod off;
 mod origin;

@@ -94,7 +94,7 @@ pub(super) fn require_resolution(tree: &dyn BrickTree, level: Option<u8>) -> Res
             format!(
                 "cells of {cell:e} at a distance of {farthest:e} from the origin are too fine for a mesh file"
             ),
-            "its coordinates have 32 bits; move the part nearer to the origin or scale it",
+            "coordinates have 32 bits here; move the part nearer to the origin or scale it",
         ));
     }
     Ok(())

@@ -24,7 +24,7 @@ pub struct PositionsSink {
 pub struct DiscardSink;
 
 /// Numbers of the corners, little-endian.
-pub(super) fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
+pub fn write_triangles(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
     let end = bytes.len();
     bytes.resize(end + size_of_val(triangles), 0);
     for (record, ids) in bytes[end..].as_chunks_mut::<12>().0.iter_mut().zip(triangles) {

@@ -23,7 +23,8 @@ const DATA: u64 = (HEAD_BYTES + CHUNK_BYTES + JSON_BYTES + CHUNK_BYTES) as u64;
 /// Bytes of a position, of a normal, and of the indices of a triangle.
 const TRIPLE_BYTES: u64 = 12;
 
-pub(super) struct GlbSink {
+/// A mesh as binary glTF, whose vertices may have normals, or a number of 32 bits each.
+pub struct GlbSink {
     file: PartFile,
     vertices: u64,
     triangles: u64,
@@ -31,6 +32,8 @@ pub(super) struct GlbSink {
     bounds: [[f32; 3]; 2],
     metres: f64,
     normals: bool,
+    /// The attribute of the numbers, and how many of them there are.
+    numbers: Option<(String, u64)>,
 }
 
 impl GlbSink {
@@ -40,7 +43,42 @@ impl GlbSink {
         file.append(&[0; DATA as usize - CHUNK_BYTES])?;
         let bounds = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
         let metres = metres.unwrap_or(1.0);
-        Ok(GlbSink { file, vertices: 0, triangles: 0, bounds, metres, normals })
+        Ok(GlbSink { file, vertices: 0, triangles: 0, bounds, metres, normals, numbers: None })
+    }
+
+    /// Vertices have a number each, as the attribute `_NAME`; they come when all triangles have come.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn with_numbers(file: PartFile, metres: Option<f64>, name: &str) -> Result<GlbSink> {
+        let mut sink = GlbSink::new(file, metres, false)?;
+        sink.numbers = Some((format!("_{}", name.to_ascii_uppercase()), 0));
+        Ok(sink)
+    }
+
+    /// The numbers of the next vertices. glTF has no number for what is none (§3.6.2.2), which is written as -1.
+    ///
+    /// # Errors
+    /// What writing gives.
+    pub fn numbers(&mut self, numbers: &[f32]) -> Result<()> {
+        let finite = numbers.iter().map(|number| if number.is_finite() { *number } else { -1.0 });
+        let bytes: Vec<u8> = finite.flat_map(f32::to_le_bytes).collect();
+        if let Some((_, count)) = &mut self.numbers {
+            *count += numbers.len() as u64;
+        }
+        self.require_room()?;
+        self.file.append(&bytes)
+    }
+
+    /// Refuses what is longer than the format can say.
+    fn require_room(&self) -> Result<()> {
+        if DATA + self.data_bytes() > u64::from(u32::MAX) {
+            return Err(Error::setting(
+                format!("{}: a GLB file cannot hold 4 GiB", self.file.path().display()),
+                "write .ply or choose a coarser level with `level`",
+            ));
+        }
+        Ok(())
     }
 
     /// From one vertex to the next.
@@ -48,9 +86,10 @@ impl GlbSink {
         if self.normals { 2 * TRIPLE_BYTES } else { TRIPLE_BYTES }
     }
 
-    /// Bytes of the vertices and indices.
+    /// Bytes of the vertices, indices and numbers.
     fn data_bytes(&self) -> u64 {
-        self.vertex_bytes() * self.vertices + TRIPLE_BYTES * self.triangles
+        let numbers = self.numbers.as_ref().map_or(0, |(_, count)| 4 * count);
+        self.vertex_bytes() * self.vertices + TRIPLE_BYTES * self.triangles + numbers
     }
 
     /// All that stands before the second chunk.
@@ -87,6 +126,13 @@ impl GlbSink {
             );
             view = format!(r#","byteStride":{stride}"#);
         }
+        let mut last_view = String::new();
+        if let Some((name, count)) = &self.numbers {
+            attribute = format!(r#","{name}":2"#);
+            accessor = format!(r#",{{"bufferView":2,"componentType":5126,"count":{count},"type":"SCALAR"}}"#);
+            let (from, bytes) = (vertices_bytes + indices_bytes, 4 * count);
+            last_view = format!(r#",{{"buffer":0,"byteOffset":{from},"byteLength":{bytes},"target":34962}}"#);
+        }
         [
             format!(r#"{{{asset},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"#),
             format!(r#""matrix":[{metres},0,0,0,0,0,-{metres},0,0,{metres},0,0,0,0,0,1]}}],"#),
@@ -99,7 +145,7 @@ impl GlbSink {
             format!(r#"{accessor}],"#),
             format!(r#""bufferViews":[{{"buffer":0,"byteLength":{vertices_bytes}{view},"target":34962}},"#),
             format!(r#"{{"buffer":0,"byteOffset":{vertices_bytes},"byteLength":{indices_bytes},"#),
-            format!(r#""target":34963}}],"buffers":[{{"byteLength":{}}}]}}"#, self.data_bytes()),
+            format!(r#""target":34963}}{last_view}],"buffers":[{{"byteLength":{}}}]}}"#, self.data_bytes()),
         ]
         .concat()
     }
@@ -137,12 +183,7 @@ impl MeshSink for GlbSink {
             }
             MeshChunk::Triangles(count, _) => self.triangles += count as u64,
         }
-        if DATA + self.data_bytes() > u64::from(u32::MAX) {
-            return Err(Error::setting(
-                format!("{}: a GLB file cannot hold 4 GiB", self.file.path().display()),
-                "write .ply or choose a coarser level with `level`",
-            ));
-        }
+        self.require_room()?;
         self.file.append(bytes)
     }
 
@@ -170,6 +211,9 @@ mod tests {
         let mut sink = GlbSink::new(file, Some(-1.234_567_890_123_456_7e-300), true).unwrap();
         sink.bounds = [[-1.175_494_4e-38; 3]; 2];
         (sink.vertices, sink.triangles) = (100_000_000, 150_000_000);
+        assert!(sink.json().len() <= JSON_BYTES, "{}", sink.json().len());
+        let longest = "_DEVIATION_OF_SOME_LONGER_NAME".to_owned();
+        (sink.normals, sink.numbers) = (false, Some((longest, 100_000_000)));
         assert!(sink.json().len() <= JSON_BYTES, "{}", sink.json().len());
     }
 }

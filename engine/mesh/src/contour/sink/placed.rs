@@ -1,5 +1,6 @@
-//! PLY and OBJ with coordinates of 64 bits, and PLY whose faces have numbers. Positions are a base and what is added to it.
+//! PLY, OBJ and VTP with coordinates of 64 bits, and PLY and VTP whose faces have numbers. Positions are a base and what is added to it.
 
+use super::vtp::{NumbersOf, VtpFile, WaitingNumbers, vtp_corners};
 use super::{MeshSink, folder_of, ply};
 use crate::contour::cut::MeshTriangle;
 use crate::error::Result;
@@ -9,15 +10,15 @@ use std::path::Path;
 
 /// Numbers of the faces of a mesh.
 pub trait FaceAttributes: Send {
-    /// Lines of a PLY's header that stand before its elements, each with its end.
-    fn comments(&self) -> String;
-    /// Lines of the header behind the corners of faces, each with its end.
-    fn properties(&self) -> String;
-    /// Appends the bytes of a face's numbers behind those of its corners.
+    /// What is to be said of them in the file, a line each.
+    fn comments(&self) -> Vec<String>;
+    /// Their names.
+    fn names(&self) -> Vec<&'static str>;
+    /// The numbers of some faces, those of a face one behind the other.
     ///
     /// # Errors
     /// What finding the numbers gives.
-    fn append(&mut self, facets: &[MeshTriangle], corners: &[u8], out: &mut Vec<u8>) -> Result<()>;
+    fn numbers(&mut self, facets: &[MeshTriangle]) -> Result<Vec<i32>>;
 }
 
 /// How coordinates are written.
@@ -29,20 +30,21 @@ pub enum Coordinates {
     DoubleFrom([f64; 3]),
 }
 
-/// The end of a file's name and of what it holds.
-#[derive(Clone, Copy, PartialEq)]
-enum PlacedFormat {
-    Ply,
-    Obj,
+/// The file, by the end of its name.
+enum PlacedFile {
+    Ply(PartFile),
+    Obj(PartFile),
+    Vtp(VtpFile, WaitingNumbers),
 }
 
 /// Endings of formats with coordinates of 64 bits.
-pub const DOUBLE_ENDINGS: [&str; 2] = ["ply", "obj"];
+pub const DOUBLE_ENDINGS: [&str; 3] = ["ply", "obj", "vtp"];
+/// Endings of those whose triangles have numbers.
+pub const NUMBER_ENDINGS: [&str; 2] = ["ply", "vtp"];
 
 /// A mesh in a file, one vertex and one triangle after the other.
 pub struct PlacedSink<'a> {
-    file: PartFile,
-    format: PlacedFormat,
+    file: PlacedFile,
     coordinates: Coordinates,
     faces: Option<Box<dyn FaceAttributes + 'a>>,
     counts: [u64; 2],
@@ -50,7 +52,7 @@ pub struct PlacedSink<'a> {
 }
 
 impl<'a> PlacedSink<'a> {
-    /// Of a name that ends in .obj, or else of a PLY, the one whose faces may have numbers.
+    /// Of a name that ends in .obj, .vtp, or else of a PLY; the faces of an OBJ have no numbers.
     ///
     /// # Errors
     /// If the file cannot be made.
@@ -59,36 +61,55 @@ impl<'a> PlacedSink<'a> {
         coordinates: Coordinates,
         faces: Option<Box<dyn FaceAttributes + 'a>>,
     ) -> Result<PlacedSink<'a>> {
-        let is_obj = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"));
-        let format = if is_obj { PlacedFormat::Obj } else { PlacedFormat::Ply };
-        let mut sink = PlacedSink {
-            file: PartFile::create(path)?,
-            format,
-            coordinates,
-            faces,
-            counts: [0; 2],
-            bytes: Vec::new(),
+        let ends = |wanted: &str| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(wanted));
+        let mut file = PartFile::create(path)?;
+        let file = if ends("obj") {
+            file.append(b"# written by Brickfield\n")?;
+            PlacedFile::Obj(file)
+        } else if ends("vtp") {
+            let (names, comments) =
+                faces.as_ref().map_or((Vec::new(), Vec::new()), |faces| (faces.names(), faces.comments()));
+            let waiting = WaitingNumbers::new(names.len(), folder_of(path));
+            let is_double = coordinates != Coordinates::Single;
+            PlacedFile::Vtp(
+                VtpFile::new(file, is_double, (NumbersOf::Triangles, &names), &comments)?,
+                waiting,
+            )
+        } else {
+            PlacedFile::Ply(file)
         };
-        let head = sink.header();
-        sink.file.append(head.as_bytes())?;
+        let mut sink = PlacedSink { file, coordinates, faces, counts: [0; 2], bytes: Vec::new() };
+        let head = sink.ply_header();
+        if let PlacedFile::Ply(file) = &mut sink.file {
+            file.append(head.as_bytes())?;
+        }
         Ok(sink)
     }
 
     /// A header of the same length for all counts: a comment takes up what the digits leave.
-    fn header(&self) -> String {
-        if self.format == PlacedFormat::Obj {
-            return "# written by Brickfield\n".to_owned();
-        }
+    fn ply_header(&self) -> String {
         let [vertices, faces] = self.counts.map(|count| count.to_string());
         let fill = "-".repeat(40 - vertices.len() - faces.len());
         let kind = if self.coordinates == Coordinates::Single { "float" } else { "double" };
-        let (comments, properties) =
-            self.faces.as_ref().map_or((String::new(), String::new()), |f| (f.comments(), f.properties()));
+        let (mut comments, mut properties) = (String::new(), String::new());
+        if let Some(faces) = &self.faces {
+            comments.extend(faces.comments().iter().map(|line| format!("comment {line}\n")));
+            properties.extend(faces.names().iter().map(|name| format!("property int {name}\n")));
+        }
         format!(
             "ply\nformat binary_little_endian 1.0\ncomment written by Brickfield {fill}\n{comments}\
              element vertex {vertices}\nproperty {kind} x\nproperty {kind} y\nproperty {kind} z\n\
              element face {faces}\nproperty list uchar uint vertex_indices\n{properties}end_header\n"
         )
+    }
+
+    /// A position in the world.
+    fn placed(&self, position: [f32; 3]) -> [f64; 3] {
+        let base = match self.coordinates {
+            Coordinates::Single => [0.0; 3],
+            Coordinates::DoubleFrom(base) => base,
+        };
+        std::array::from_fn(|a| base[a] + f64::from(position[a]))
     }
 }
 
@@ -98,56 +119,74 @@ impl MeshSink for PlacedSink<'_> {
     }
 
     fn folder(&self) -> Option<&Path> {
-        folder_of(self.file.path())
+        match &self.file {
+            PlacedFile::Ply(file) | PlacedFile::Obj(file) => folder_of(file.path()),
+            PlacedFile::Vtp(file, _) => folder_of(file.path()),
+        }
     }
 
     fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
-        self.bytes.clear();
+        let mut bytes = std::mem::take(&mut self.bytes);
+        bytes.clear();
+        let is_obj = matches!(self.file, PlacedFile::Obj(_));
         for position in positions {
-            match (self.coordinates, self.format) {
-                (Coordinates::Single, PlacedFormat::Ply) => {
-                    self.bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
-                }
-                (coordinates, format) => {
-                    let base = match coordinates {
-                        Coordinates::Single => [0.0; 3],
-                        Coordinates::DoubleFrom(base) => base,
-                    };
-                    let [x, y, z]: [f64; 3] = std::array::from_fn(|a| base[a] + f64::from(position[a]));
-                    if format == PlacedFormat::Ply {
-                        self.bytes.extend_from_slice([x, y, z].map(f64::to_le_bytes).as_flattened());
-                    } else {
-                        // The shortest digits that read back as the same f64. Writing to memory cannot fail.
-                        let _ = writeln!(self.bytes, "v {x} {y} {z}");
-                    }
-                }
+            if is_obj {
+                let [x, y, z] = self.placed(*position);
+                // The shortest digits that read back as the same f64. Writing to memory cannot fail.
+                let _ = writeln!(bytes, "v {x} {y} {z}");
+            } else if self.coordinates == Coordinates::Single {
+                bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+            } else {
+                bytes.extend_from_slice(self.placed(*position).map(f64::to_le_bytes).as_flattened());
             }
         }
+        self.bytes = bytes;
         self.counts[0] += positions.len() as u64;
-        self.file.append(&self.bytes)
+        match &mut self.file {
+            PlacedFile::Ply(file) | PlacedFile::Obj(file) => file.append(&self.bytes),
+            PlacedFile::Vtp(file, _) => file.points(positions.len(), &self.bytes),
+        }
     }
 
     fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
         self.bytes.clear();
         self.counts[1] += facets.len() as u64;
-        if self.format == PlacedFormat::Obj {
-            for [a, b, c] in facets.iter().map(|facet| facet.ids.map(|id| u64::from(id) + 1)) {
-                let _ = writeln!(self.bytes, "f {a} {b} {c}");
-            }
-            return self.file.append(&self.bytes);
-        }
         let ids: Vec<[u32; 3]> = facets.iter().map(|facet| facet.ids).collect();
-        ply::ply_faces(&ids, &mut self.bytes);
-        if let Some(faces) = &mut self.faces {
-            let mut with_numbers = Vec::new();
-            faces.append(facets, &self.bytes, &mut with_numbers)?;
-            self.bytes = with_numbers;
+        let numbers = match &mut self.faces {
+            Some(faces) => faces.numbers(facets)?,
+            None => Vec::new(),
+        };
+        match &mut self.file {
+            PlacedFile::Obj(file) => {
+                for [a, b, c] in ids.iter().map(|ids| ids.map(|id| u64::from(id) + 1)) {
+                    let _ = writeln!(self.bytes, "f {a} {b} {c}");
+                }
+                file.append(&self.bytes)
+            }
+            PlacedFile::Ply(file) => {
+                ply::ply_faces_with_numbers(&ids, &numbers, &mut self.bytes);
+                file.append(&self.bytes)
+            }
+            PlacedFile::Vtp(file, waiting) => {
+                vtp_corners(&ids, &mut self.bytes);
+                file.triangles(ids.len(), &self.bytes)?;
+                waiting.push(&numbers)
+            }
         }
-        self.file.append(&self.bytes)
     }
 
     fn finish(&mut self) -> Result<()> {
-        self.file.overwrite(0, self.header().as_bytes())?;
-        self.file.finish()
+        let head = self.ply_header();
+        match &mut self.file {
+            PlacedFile::Ply(file) => {
+                file.overwrite(0, head.as_bytes())?;
+                file.finish()
+            }
+            PlacedFile::Obj(file) => file.finish(),
+            PlacedFile::Vtp(file, waiting) => {
+                waiting.write(file)?;
+                file.finish()
+            }
+        }
     }
 }

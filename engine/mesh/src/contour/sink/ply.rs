@@ -69,6 +69,17 @@ pub fn ply_faces(triangles: &[[u32; 3]], bytes: &mut Vec<u8>) {
     }
 }
 
+/// The same with numbers behind the corners, as many of each face.
+pub(super) fn ply_faces_with_numbers(triangles: &[[u32; 3]], numbers: &[i32], bytes: &mut Vec<u8>) {
+    let Some(columns) = numbers.len().checked_div(triangles.len()).filter(|columns| *columns > 0) else {
+        return ply_faces(triangles, bytes);
+    };
+    for (triangle, numbers) in triangles.iter().zip(numbers.chunks_exact(columns)) {
+        ply_faces(std::slice::from_ref(triangle), bytes);
+        numbers.iter().for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+    }
+}
+
 impl MeshSink for PlySink {
     fn encoding(&self) -> Option<MeshEncoding> {
         let vertices = vertex_bytes(self.normals);

@@ -1,0 +1,216 @@
+//! The mesh of a store as a file whose vertices have a number: PLY, VTK's PolyData, or binary glTF.
+
+use super::numbers::{NumberRows, PointNumbers, numbers};
+use crate::contour::{
+    GlbSink, MeshChunk, MeshEncoding, MeshSink, NumbersOf, TriangleBytes, VertexBytes, VtpFile, ply_faces,
+    vtp_corners, write_triangles,
+};
+use crate::error::Result;
+use crate::part::PartFile;
+use crate::progress::Progress;
+use std::path::{Path, PathBuf};
+
+/// Endings of the names of such files, in lower case.
+pub const SCALAR_ENDINGS: [&str; 3] = ["ply", "vtp", "glb"];
+
+/// The file, by the end of its name.
+enum ScalarFile {
+    /// Positions stand beside their numbers, and are written a second time with those.
+    Ply(PartFile),
+    Vtp(VtpFile),
+    Glb(GlbSink),
+}
+
+/// A mesh with shared vertices and a number of 32 bits for each. Positions wait, in memory or in a file, until
+/// [`ScalarMesh::fill`] has their numbers.
+pub struct ScalarMesh {
+    file: ScalarFile,
+    property: &'static str,
+    positions: NumberRows<3>,
+    memory: u64,
+    folder: PathBuf,
+    faces: u64,
+}
+
+fn append_positions(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
+    bytes.extend(positions.as_flattened().iter().flat_map(|c| c.to_le_bytes()));
+}
+
+/// A header of the same length for all counts: a comment takes up what the digits leave.
+fn ply_header(vertices: u64, faces: u64, property: &str) -> String {
+    let (vertices, faces) = (vertices.to_string(), faces.to_string());
+    let fill = "-".repeat(40 - vertices.len() - faces.len());
+    format!(
+        "ply\nformat binary_little_endian 1.0\ncomment written by Brickfield {fill}\n\
+         element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
+         property float {property}\nelement face {faces}\nproperty list uchar uint vertex_indices\nend_header\n"
+    )
+}
+
+impl ScalarMesh {
+    /// A file in the format of its name, PLY if that ends in none of [`SCALAR_ENDINGS`], whose vertices get this property. `metres`
+    /// is the length of the unit of positions, for glTF. What waits takes so many bytes of memory, with a file in `folder`
+    /// for what does not fit.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn new(
+        file: PartFile,
+        property: &'static str,
+        metres: Option<f64>,
+        (memory, folder): (u64, &Path),
+    ) -> Result<ScalarMesh> {
+        let ending = file.path().extension().unwrap_or_default().to_ascii_lowercase();
+        let file = match ending.to_str() {
+            Some("vtp") => {
+                ScalarFile::Vtp(VtpFile::new(file, false, (NumbersOf::Vertices, &[property]), &[])?)
+            }
+            Some("glb") => ScalarFile::Glb(GlbSink::with_numbers(file, metres, property)?),
+            _ => ScalarFile::Ply(file),
+        };
+        let positions = NumberRows::new(memory / 2, folder);
+        let folder = folder.to_owned();
+        let mut mesh = ScalarMesh { file, property, positions, memory, folder, faces: 0 };
+        let head = mesh.ply_head();
+        if let ScalarFile::Ply(file) = &mut mesh.file {
+            file.append(head.as_bytes())?;
+        }
+        Ok(mesh)
+    }
+
+    fn ply_head(&self) -> String {
+        ply_header(self.positions.len() as u64, self.faces, self.property)
+    }
+
+    /// Positions of every so manieth vertex, so that these are at most so many.
+    ///
+    /// # Errors
+    /// What reading the file gives.
+    pub fn some_positions(&self, most: usize) -> Result<Vec<[f64; 3]>> {
+        let step = self.positions.len().div_ceil(most).max(1);
+        let (mut some, mut number) = (Vec::new(), 0usize);
+        self.positions.each(|positions| {
+            for position in positions {
+                if number.is_multiple_of(step) {
+                    some.push(position.map(f64::from));
+                }
+                number += 1;
+            }
+            Ok(())
+        })?;
+        Ok(some)
+    }
+
+    /// How many vertices and triangles it has.
+    pub fn counts(&self) -> (u64, u64) {
+        (self.positions.len() as u64, self.faces)
+    }
+
+    /// Asks for the number of every vertex, on all threads, and finishes the file. The numbers in the order of
+    /// vertices.
+    ///
+    /// # Errors
+    /// What `number` and writing give.
+    pub fn fill<L: Default>(
+        mut self,
+        progress: &dyn Progress,
+        number: impl Fn(&mut L, [f64; 3]) -> Result<f32> + Sync,
+    ) -> Result<PointNumbers> {
+        let head = self.ply_head();
+        let positions = std::mem::replace(&mut self.positions, NumberRows::new(0, &self.folder));
+        let mut found = PointNumbers::new(self.memory / 2, &self.folder);
+        progress.phase(self.property, Some(positions.len() as u64), "vertices");
+        let mut at = head.len() as u64;
+        let mut bytes = Vec::new();
+        let file = &mut self.file;
+        positions.each(|positions| {
+            numbers(
+                positions,
+                progress,
+                |last, p| number(last, p.map(f64::from)),
+                |positions, numbers| {
+                    bytes.clear();
+                    match file {
+                        ScalarFile::Ply(file) => {
+                            rows(positions, numbers, &mut bytes);
+                            file.overwrite(at, &bytes)?;
+                            at += bytes.len() as u64;
+                        }
+                        ScalarFile::Vtp(file) => {
+                            bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+                            file.numbers(0, &bytes)?;
+                        }
+                        ScalarFile::Glb(file) => file.numbers(numbers)?,
+                    }
+                    found.extend(numbers)
+                },
+            )
+        })?;
+        match &mut self.file {
+            ScalarFile::Ply(file) => {
+                file.overwrite(0, head.as_bytes())?;
+                file.finish()?;
+            }
+            ScalarFile::Vtp(file) => file.finish()?,
+            ScalarFile::Glb(file) => file.finish()?,
+        }
+        Ok(found)
+    }
+}
+
+/// The vertices of a PLY, each with its number.
+fn rows(positions: &[[f32; 3]], numbers: &[f32], bytes: &mut Vec<u8>) {
+    for (position, number) in positions.iter().zip(numbers) {
+        bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+        bytes.extend_from_slice(&number.to_le_bytes());
+    }
+}
+
+impl MeshSink for ScalarMesh {
+    fn encoding(&self) -> Option<MeshEncoding> {
+        let triangles = match self.file {
+            ScalarFile::Ply(_) => ply_faces,
+            ScalarFile::Vtp(_) => vtp_corners,
+            ScalarFile::Glb(_) => write_triangles,
+        };
+        let vertices = VertexBytes::Positions(append_positions);
+        Some(MeshEncoding { vertices, triangles: TriangleBytes::Numbered(triangles) })
+    }
+
+    fn folder(&self) -> Option<&Path> {
+        Some(&self.folder)
+    }
+
+    fn encoded(&mut self, part: MeshChunk<'_>) -> Result<()> {
+        match part {
+            MeshChunk::Vertices(count, bytes) => {
+                let (coordinates, _) = bytes.as_chunks::<4>();
+                let position = |p: &[[u8; 4]; 3]| p.map(f32::from_le_bytes);
+                let positions: Vec<[f32; 3]> = coordinates.as_chunks::<3>().0.iter().map(position).collect();
+                match &mut self.file {
+                    ScalarFile::Ply(file) => {
+                        let mut room = Vec::new();
+                        rows(&positions, &vec![0.0; count], &mut room);
+                        file.append(&room)?;
+                    }
+                    ScalarFile::Vtp(file) => file.points(count, bytes)?,
+                    ScalarFile::Glb(file) => file.encoded(part)?,
+                }
+                self.positions.extend(positions.into_iter())
+            }
+            MeshChunk::Triangles(count, bytes) => {
+                self.faces += count as u64;
+                match &mut self.file {
+                    ScalarFile::Ply(file) => file.append(bytes),
+                    ScalarFile::Vtp(file) => file.triangles(count, bytes),
+                    ScalarFile::Glb(file) => file.encoded(part),
+                }
+            }
+        }
+    }
+
+    /// The mesh is complete, but not its numbers: the file stays unfinished.
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
