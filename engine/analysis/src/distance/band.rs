@@ -34,7 +34,8 @@ impl<'a> DistanceTree<'a> {
     /// Of a tree and its surface, at a level.
     ///
     /// # Errors
-    /// [`Error::Setting`] if there is no surface or no such level; what reading gives; [`Error::Interrupted`].
+    /// [`crate::error::Error::Setting`] if there is no surface or no such level; what reading gives;
+    /// [`crate::error::Error::Interrupted`].
     pub fn new(
         tree: &'a dyn BrickTree,
         surface: &'a Surface,

@@ -56,7 +56,8 @@ impl<'a> LocalThickness<'a> {
     /// Of a tree and its surface, at a level, with balls in so many bytes of memory and a file in `folder` for what does not fit.
     ///
     /// # Errors
-    /// [`Error::Setting`] if there is no surface or no such level; what reading gives; [`Error::Interrupted`].
+    /// [`crate::error::Error::Setting`] if there is no surface or no such level; what reading gives;
+    /// [`crate::error::Error::Interrupted`].
     pub fn new(
         (tree, surface): (&'a dyn BrickTree, &'a Surface),
         of: LocalOf,
