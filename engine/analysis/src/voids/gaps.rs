@@ -7,7 +7,7 @@
 use super::around::{Segments, SurroundingSegments, Tracer};
 use super::role::may_be_sparse;
 use crate::error::Result;
-use crate::lattice::NodeKey;
+use crate::lattice::{NodeKey, dot, minus};
 use crate::store::BeadSegment;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -95,14 +95,14 @@ impl Line {
 /// The area of the gap between two lines; 0 without one.
 fn area(one: &Line, other: &Line, is_covered: &mut impl FnMut([f64; 3]) -> Result<bool>) -> Result<f64> {
     let width = one.width.max(other.width);
-    let (p, q) = (less(one.to, one.from), less(other.to, other.from));
+    let (p, q) = (minus(one.to, one.from), minus(other.to, other.from));
     let lengths = [dot(p, p).sqrt(), dot(q, q).sqrt()];
     if lengths[0] < width || lengths[1] < width || dot(p, q).abs() < COSINE * lengths[0] * lengths[1] {
         return Ok(0.0);
     }
     // Along the first line, what of it the second one faces.
     let along = p.map(|c| c / lengths[0]);
-    let ends = [other.from, other.to].map(|at| dot(less(at, one.from), along));
+    let ends = [other.from, other.to].map(|at| dot(minus(at, one.from), along));
     let (low, high) = (ends[0].min(ends[1]).max(0.0), ends[0].max(ends[1]).min(lengths[0]));
     if high - low < SHORT * width {
         return Ok(0.0);
@@ -114,7 +114,7 @@ fn area(one: &Line, other: &Line, is_covered: &mut impl FnMut([f64; 3]) -> Resul
         let t = low + (f64::from(n) + 0.5) * piece;
         let here = step(one.from, along, t);
         let there = step(other.from, q, ((t - ends[0]) / (ends[1] - ends[0])).clamp(0.0, 1.0));
-        let across = less(there, here);
+        let across = minus(there, here);
         let apart = dot(across, across).sqrt();
         if !(APART * width..FAR * width).contains(&apart) {
             continue;
@@ -158,7 +158,7 @@ impl<'a> Grid<'a> {
     /// Cells within a distance of places along a line, with those beside them.
     fn passed(&self, line: &Line, reach: f64) -> BTreeSet<[i64; 2]> {
         let side = FAR * self.width;
-        let along = less(line.to, line.from);
+        let along = minus(line.to, line.from);
         let places = (dot(along, along).sqrt() / side).ceil().max(1.0);
         let mut cells = BTreeSet::new();
         for n in 0..=places as u32 {
@@ -186,17 +186,10 @@ impl<'a> Grid<'a> {
     }
 }
 
-fn less(p: [f64; 3], q: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|a| p[a] - q[a])
-}
-
 fn step(p: [f64; 3], along: [f64; 3], t: f64) -> [f64; 3] {
     [0, 1, 2].map(|a| p[a] + t * along[a])
 }
 
-fn dot(p: [f64; 3], q: [f64; 3]) -> f64 {
-    (0..3).map(|a| p[a] * q[a]).sum()
-}
 
 #[cfg(test)]
 mod tests {
@@ -241,8 +234,8 @@ mod tests {
         for one in &lines {
             let near = grid.near(one, 35.0);
             for (m, other) in lines.iter().enumerate() {
-                let places = |l: &Line| [0.0, 0.5, 1.0].map(|t| step(l.from, less(l.to, l.from), t));
-                let apart = places(one).into_iter().flat_map(|p| places(other).map(|q| less(p, q)));
+                let places = |l: &Line| [0.0, 0.5, 1.0].map(|t| step(l.from, minus(l.to, l.from), t));
+                let apart = places(one).into_iter().flat_map(|p| places(other).map(|q| minus(p, q)));
                 if apart.map(|d| dot(d, d).sqrt()).fold(f64::INFINITY, f64::min) <= 35.0 {
                     assert!(near.contains(&m), "{} {m}", one.number);
                 }
