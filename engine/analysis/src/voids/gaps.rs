@@ -190,7 +190,6 @@ fn step(p: [f64; 3], along: [f64; 3], t: f64) -> [f64; 3] {
     [0, 1, 2].map(|a| p[a] + t * along[a])
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
