@@ -66,6 +66,9 @@ const MOVING: [&str; 25] = [
     "TLRGT", "TRACUT", "TURN",
 ];
 
+/// Words behind which any text may stand, with a slash or without.
+const TEXTS: [&str; 7] = ["DISPLY", "INSERT", "LETTER", "PARTNO", "PPRINT", "REMARK", "TITLES"];
+
 /// Whether a file is a CL file: by its name, or by its first words.
 pub(super) fn is_apt(path: &Path, lines: &[&[u8]]) -> bool {
     let extension = path.extension().map(|end| end.to_string_lossy().to_lowercase());
@@ -127,7 +130,26 @@ pub(super) fn read(out: Moves<'_>, lines: &[&[u8]]) -> Result<Program> {
 
 /// The word of a statement, in capitals.
 fn word_of(statement: &str) -> String {
+    let first = statement.split([' ', '\t', '/']).next().unwrap_or_default().to_uppercase();
+    if TEXTS.contains(&first.as_str()) {
+        return first;
+    }
     statement.split(['/', ',']).next().unwrap_or_default().trim().to_uppercase()
+}
+
+/// A statement without the number of its block, as in N10 GOTO/1,2,3 or 10 GOTO/1,2,3, and without a label, as in L1) GOTO/1,2,3.
+fn without_number(statement: &str) -> &str {
+    let word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    if let Some((label, rest)) = statement.split_once(')')
+        && !label.is_empty()
+        && label.chars().all(word)
+    {
+        return rest.trim_start();
+    }
+    let Some((first, rest)) = statement.split_once([' ', '\t']) else { return statement };
+    let digits = first.strip_prefix(['N', 'n']).unwrap_or(first);
+    let is_number = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
+    if is_number { rest.trim_start() } else { statement }
 }
 
 /// What CYCLE drills at each place; lengths in mm along the tool's axis.
@@ -162,12 +184,12 @@ struct Reader<'a> {
 impl Reader<'_> {
     /// Carries a statement out; false at the file's end.
     fn statement(&mut self, statement: &str) -> Result<bool> {
+        let statement = without_number(statement);
         let word = word_of(statement);
         let values: Vec<&str> = match statement.split_once('/') {
             Some((_, values)) => values.split(',').map(str::trim).collect(),
             None => Vec::new(),
         };
-        // A number of a block may stand in front, and a label.
         match word.as_str() {
             "FINI" => return Ok(false),
             "GOTO" => self.go_to(&word, &values)?,
@@ -206,6 +228,13 @@ impl Reader<'_> {
     fn skip(&mut self, word: &str) -> Result<()> {
         const LONGEST: usize = 24;
         const WORDS_MOST: usize = 1000;
+        // What ends in the name of a motion was meant as one.
+        let last = word.rsplit([' ', ')', '=']).next().unwrap_or_default();
+        let moves = ["GOTO", "GODLTA", "FROM", "CIRCLE", "RAPID", "CYCLE"];
+        if moves.contains(&last) || MOVING.contains(&last) {
+            let short: String = word.chars().take(LONGEST).collect();
+            return Err(self.out.fault(short.as_bytes(), "has words before the motion, which are not read"));
+        }
         let is_word = word.starts_with(|c: char| c.is_ascii_alphabetic())
             && word.len() <= LONGEST
             && word.chars().all(|c| c.is_ascii_alphanumeric() || " _-.=()".contains(c));

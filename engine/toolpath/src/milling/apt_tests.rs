@@ -34,6 +34,17 @@ fn straight_moves_follow_words_units_and_lines() {
 }
 
 #[test]
+fn blocks_have_numbers_labels_and_texts() {
+    assert_eq!(
+        ends(
+            "PARTNO A-12: lid (rev. B), 1/2\nN10 FROM/0,0,0\n20 GOTO/1,0,0\nL1) GOTO/2,0,0\nPPRINT {any} text: 1,2\nREMARK x, y\nN40\tRAPID\nn50 GOTO / 3,0,0\n"
+        ),
+        ["[1.0, 0.0, 0.0]", "[2.0, 0.0, 0.0]", "R[3.0, 0.0, 0.0]"]
+    );
+    assert_eq!(apt("N1 PARTNO\nFROM/0,0,0\nGOTO/1,0,0\nN3 INSERT ({})\n").skipped.len(), 1);
+}
+
+#[test]
 fn arcs_turn_about_their_direction_and_rise() {
     for (normal, way) in [(1.0, 1.0), (-1.0, -1.0)] {
         let program =
@@ -117,6 +128,8 @@ fn what_cannot_be_followed_names_line_and_word() {
         ("CYCLE/DRILL,MMPM,3\n", ["line 1", "has no DEPTH"]),
         ("FROM/0,0,0\n{GOTO/1,1,1}\n", ["line 2", "no word of APT"]),
         ("CUTTER/6\nFROM/0,0,0\nGOTO/1,0,0\nCUTTER/8\nGOTO/2,0,0\n", ["line 5", "another form"]),
+        ("FROM/0,0,0\nP1 = GOTO/1,1,1\n", ["line 2", "before the motion"]),
+        ("FROM/0,0,0\nIF X GOTO/1,1,1\n", ["line 2", "before the motion"]),
         ("PARTNO/EMPTY\nFINI\n", ["end", "has no moves"]),
     ] {
         let error = read_named("p.apt", text.as_bytes()).unwrap_err().to_string();
