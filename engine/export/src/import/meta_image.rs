@@ -1,7 +1,7 @@
 //! MetaImage: a text of `Name = value` lines, with the samples behind it or in another file.
 
 use super::description::equal;
-use super::grid::{Grid, GridLayout, GridPlacement, SampleType};
+use super::grid::{Grid, GridLayout, GridPlacement, SampleType, plain};
 use super::packed::{Packed, Packing};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
@@ -40,7 +40,7 @@ impl<'a> Header<'a> {
     }
 
     fn error(&self, name: &str, remedy: &str) -> Error {
-        let what = self.text(name).map_or("is missing".to_owned(), |value| format!("is {value}"));
+        let what = self.text(name).map_or("is missing".to_owned(), |value| format!("is {}", plain(value)));
         Error::input(self.path, name, what, remedy)
     }
 

@@ -1,7 +1,7 @@
 //! NumPy's arrays, indexed `[z, y, x]`, whose place in the world a description beside them tells.
 
 use super::description::Description;
-use super::grid::{Grid, GridLayout, SampleType};
+use super::grid::{Grid, GridLayout, SampleType, plain};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use std::path::Path;
@@ -29,7 +29,7 @@ pub(super) fn open(path: &Path, file: MappedFile, _: Option<&str>) -> Result<Gri
     }
     let descr = field(header, "descr").and_then(|text| text.split(['\'', '"']).nth(1)).unwrap_or_default();
     let Some(number) = SampleType::of_numpy(descr).filter(|_| !descr.starts_with('>')) else {
-        let what = format!("holds values of the type '{descr}', which is not read");
+        let what = format!("holds values of the type '{}', which is not read", plain(descr));
         return Err(bad(&what, "write array.astype('<f4')"));
     };
     let shape = field(header, "shape").and_then(|text| text.strip_prefix('('));
