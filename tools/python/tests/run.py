@@ -67,8 +67,8 @@ def main() -> None:
         if args.engines:
             step("engines", python, "-m", "pip", "install", "--quiet", *ENGINES)
             clover = PACKAGE.parents[1] / "bench-data" / "clover.gcode"
-            script = PACKAGE / "tests" / "engines.py"
-            print(step("shards", python, script, clover, "--depth", "5", "--shards", "4", "--kill", cwd=folder).strip())
+            shards = PACKAGE / "tests" / "engines.py"
+            print(step("shards", python, shards, clover, "--depth", "5", "--shards", "4", "--kill", cwd=folder).strip())
         print(step("types", python, "-m", "mypy", "--strict", script, cwd=folder).strip())
 
 
