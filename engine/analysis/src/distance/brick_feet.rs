@@ -6,7 +6,7 @@
 use super::boxes::{Block, block_of};
 use super::piece::Piece;
 use super::surface::Surface;
-use crate::brick::point_position;
+use crate::brick::{POINTS, point_position};
 use crate::error::Result;
 use crate::lattice::BRICK_POINTS;
 
@@ -44,8 +44,7 @@ impl BrickFeet {
     /// # Errors
     /// What reading the surface gives.
     pub fn new(surface: &Surface, first: [f64; 3], step: f64, reach: f64) -> Result<BrickFeet> {
-        let count = LAYER * ROW;
-        let (within, squares) = (vec![reach as f32; count], vec![f64::INFINITY; count]);
+        let (within, squares) = (vec![reach as f32; POINTS], vec![f64::INFINITY; POINTS]);
         let mut feet = BrickFeet { first, step, reach, within, squares };
         let pieces = surface.pieces_in(feet.block())?;
         for &leaf in &pieces {
@@ -92,7 +91,7 @@ impl BrickFeet {
     }
 
     /// Shows rows of samples within so many cells of a place, which is counted from the first sample.
-    fn rows(&self, at: [f64; 3], reach: f64, mut each: impl FnMut(NearRow, [usize; 2])) {
+    fn rows(&self, at: [f64; 3], reach: f64, mut each: impl FnMut(NearRow)) {
         let last = (ROW - 1) as f64;
         let range = |c: f64, reach: f64| {
             let [low, high] = [((c - reach) / self.step).max(0.0), (c + reach) / self.step];
@@ -114,7 +113,7 @@ impl BrickFeet {
                     let along = (low as f64 * self.step - at[0]) as f32;
                     let row = k * LAYER + j * ROW;
                     let samples = row + low..row + high;
-                    each(NearRow { samples, along, beside: beside as f32 }, [j, k]);
+                    each(NearRow { samples, along, beside: beside as f32 });
                 }
             }
         }
@@ -130,7 +129,7 @@ impl BrickFeet {
             // Polygons that no cell resolves may leave their crossing outside.
             let touch = patch.nearest(&piece.rings, patch.at.map(f64::from), f64::INFINITY);
             let off = touch.map_or(f32::INFINITY, |touch| touch.squared.sqrt() as f32) + ROUNDED;
-            self.rows(at, self.reach, |row, _| {
+            self.rows(at, self.reach, |row| {
                 let mut along = row.along;
                 for within in &mut within[row.samples] {
                     let distance = (along * along + row.beside).sqrt() + off;
@@ -150,7 +149,7 @@ impl BrickFeet {
         for patch in &piece.patches {
             let at = std::array::from_fn(|a| f64::from(patch.at[a]) + base[a]);
             let radius = patch.radius + ROUNDED;
-            self.rows(at, self.reach + f64::from(radius), |row, [j, k]| {
+            self.rows(at, self.reach + f64::from(radius), |row| {
                 let mut along = row.along;
                 for sample in row.samples {
                     let reach = within[sample] + radius;
@@ -159,7 +158,7 @@ impl BrickFeet {
                     if square > reach * reach {
                         continue;
                     }
-                    let ijk = [sample % ROW, j, k];
+                    let ijk = point_position(sample);
                     let from = std::array::from_fn(|a| ijk[a] as f64 * self.step - base[a]);
                     let most = f64::from(within[sample]);
                     if let Some(touch) = patch.nearest(&piece.rings, from, most * most)
@@ -193,7 +192,7 @@ mod tests {
         {
             let feet = BrickFeet::new(&surface, first, step, reach).unwrap();
             let mut near = 0;
-            for sample in (0..LAYER * ROW).step_by(61) {
+            for sample in (0..POINTS).step_by(61) {
                 let ijk = point_position(sample);
                 let at: [f64; 3] = std::array::from_fn(|a| first[a] + step * ijk[a] as f64);
                 let mut least = f64::INFINITY;

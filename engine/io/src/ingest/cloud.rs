@@ -16,6 +16,7 @@ pub struct CloudInput {
     path: PathBuf,
     origin: Origin,
     format: &'static str,
+    in_millimetres: bool,
     /// Its points.
     pub cloud: PointCloud,
     /// What its columns hold.
@@ -47,7 +48,8 @@ impl CloudInput {
         let bytes = file.bytes();
         file.advise(Access::Sequential);
         progress.phase("reading", Some(file.len()), "bytes");
-        let CloudFormat { described, read, .. } = CloudFormat::of(path, bytes).unwrap_or(&TEXT);
+        let CloudFormat { described, in_millimetres, read, .. } =
+            CloudFormat::of(path, bytes).unwrap_or(&TEXT);
         let read = read(path, bytes, progress);
         file.check()?;
         let (cloud, columns) = read?;
@@ -56,6 +58,7 @@ impl CloudInput {
             path: path.to_owned(),
             origin: Origin::File(file),
             format: described,
+            in_millimetres: *in_millimetres,
             cloud,
             columns,
         })
@@ -79,7 +82,7 @@ impl CloudInput {
             all.for_each(|vector| add(vector.map(f64::to_le_bytes).as_flattened()));
         });
         let columns = CloudColumns::default();
-        Ok(CloudInput { path, origin, format: "points in memory", cloud, columns })
+        Ok(CloudInput { path, origin, format: "points in memory", in_millimetres: false, cloud, columns })
     }
 
     /// How long the normals are, if there are any.
@@ -134,7 +137,7 @@ impl CloudInput {
 
     /// Whether the format says its unit, so that positions are in millimetres.
     pub fn is_in_millimetres(&self) -> bool {
-        self.format == "E57 points"
+        self.in_millimetres
     }
 
     /// Size of the file, or of the arrays, in bytes.

@@ -16,6 +16,8 @@ pub(super) struct CloudFormat {
     pub name: &'static str,
     /// The name of what is in it.
     pub described: &'static str,
+    /// Whether it says its unit, so that positions are in millimetres.
+    pub in_millimetres: bool,
     tell: fn(&Path, &[u8]) -> bool,
     pub read: Read,
 }
@@ -23,15 +25,20 @@ pub(super) struct CloudFormat {
 /// Formats that are told by their content.
 #[rustfmt::skip]
 static FORMATS: [CloudFormat; 4] = [
-    CloudFormat { name: "PLY", described: "PLY points", tell: is_ply_cloud, read: ply::read_cloud },
-    CloudFormat { name: "PCD", described: "PCD points", tell: |_, bytes| pcd::is_pcd(bytes), read: pcd::read },
-    CloudFormat { name: "LAS", described: "LAS points", tell: |_, bytes| las::is_las(bytes), read: las::read },
-    CloudFormat { name: "E57", described: "E57 points", tell: |_, bytes| e57::is_e57(bytes), read: e57::read },
+    CloudFormat { name: "PLY", described: "PLY points", in_millimetres: false, tell: is_ply_cloud, read: ply::read_cloud },
+    CloudFormat { name: "PCD", described: "PCD points", in_millimetres: false, tell: |_, bytes| pcd::is_pcd(bytes), read: pcd::read },
+    CloudFormat { name: "LAS", described: "LAS points", in_millimetres: false, tell: |_, bytes| las::is_las(bytes), read: las::read },
+    CloudFormat { name: "E57", described: "E57 points", in_millimetres: true, tell: |_, bytes| e57::is_e57(bytes), read: e57::read },
 ];
 
 /// Points as text, if a file is nothing else.
-pub(super) static TEXT: CloudFormat =
-    CloudFormat { name: "XYZ", described: "XYZ points", tell: |_, _| true, read: cloud_text::read };
+pub(super) static TEXT: CloudFormat = CloudFormat {
+    name: "XYZ",
+    described: "XYZ points",
+    in_millimetres: false,
+    tell: |_, _| true,
+    read: cloud_text::read,
+};
 
 fn is_ply_cloud(path: &Path, bytes: &[u8]) -> bool {
     ply::is_ply(bytes) && ply::has_faces(path, bytes).is_ok_and(|has_faces| !has_faces)

@@ -382,8 +382,7 @@ impl Reader<'_> {
         let ends = ([start[0], start[1]], [end[0], end[1]]);
         let arc =
             Arc { start: ends.0, end: ends.1, centre: Centre::Offset(offset), clockwise: false, turns: 0 };
-        let chords =
-            arc.chords(self.out.options.arc_tolerance).map_err(|what| self.out.fault(b"CIRCLE", what))?;
+        let chords = self.out.chords(&arc, b"CIRCLE")?;
         let off = (start[0].hypot(start[1]) - radius).abs().max((end[0].hypot(end[1]) - radius).abs());
         if off > 0.05_f64.max(0.001 * chords.length) {
             return Err(self.out.fault(b"CIRCLE", "is not where the arc's ends are"));
@@ -399,7 +398,6 @@ impl Reader<'_> {
         }
         self.go(to, axis, rapid)?;
         self.out.program.arcs += 1;
-        self.out.program.chord_error = self.out.program.chord_error.max(self.out.options.arc_tolerance);
         Ok(())
     }
 

@@ -139,13 +139,12 @@ impl Compensation {
         }
         let offset = Centre::Offset([middle[0] - start[0], middle[1] - start[1]]);
         let arc = Arc { start, end, centre: offset, clockwise, turns };
-        let chords = arc.chords(out.options.arc_tolerance).map_err(|what| out.fault(b"G2", what))?;
+        let chords = out.chords(&arc, b"G2")?;
         let mut points = vec![[start[0], start[1], from[2]]];
         points
             .extend(chords.inner_points().map(|(p, part)| [p[0], p[1], from[2] + (to[2] - from[2]) * part]));
         points.push([end[0], end[1], to[2]]);
         out.program.arcs += 1;
-        out.program.chord_error = out.program.chord_error.max(out.options.arc_tolerance);
         Ok(piece(points, [way(from), way(to)]))
     }
 
@@ -182,10 +181,9 @@ impl Compensation {
             clockwise: self.aside > 0.0,
             turns: 0,
         };
-        let chords = arc.chords(out.options.arc_tolerance).map_err(|what| out.fault(b"G41", what))?;
+        let chords = out.chords(&arc, b"G41")?;
         let around: Vec<[f64; 3]> = chords.inner_points().map(|(p, _)| [p[0], p[1], end[2]]).collect();
         after.points.splice(0..0, around);
-        out.program.chord_error = out.program.chord_error.max(out.options.arc_tolerance);
         Ok(())
     }
 }

@@ -2,6 +2,7 @@
 
 use super::tool::Tool;
 use crate::error::{Error, Result};
+use crate::toolpath::gcode::arc::{Arc, Chords};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -136,6 +137,14 @@ impl<'a> Moves<'a> {
             self.program.turning_steps += u64::from(steps);
         }
         Ok(())
+    }
+
+    /// The chords of an arc, which the program then has deviate so far; `word` is what asks for it.
+    pub fn chords(&mut self, arc: &Arc, word: &[u8]) -> Result<Chords> {
+        let tolerance = self.options.arc_tolerance;
+        let chords = arc.chords(tolerance).map_err(|what| self.fault(word, what))?;
+        self.program.chord_error = self.program.chord_error.max(tolerance);
+        Ok(chords)
     }
 
     /// The place of the tool in the list of those in use.

@@ -437,8 +437,7 @@ impl<'a> Reader<'a> {
         // P counts turns; the last one is the arc itself.
         let turns = values.get(b'P').map_or(0, |turns| (turns.clamp(1.0, 1e4) - 1.0) as u32);
         let arc = Arc { start: [from[u], from[v]], end: [end[u], end[v]], centre, clockwise, turns };
-        let chords =
-            arc.chords(self.out.options.arc_tolerance).map_err(|what| self.out.fault(b"G2", what))?;
+        let chords = self.out.chords(&arc, b"G2")?;
         let limit = 0.05_f64.max(0.001 * chords.length);
         if chords.mismatch > limit {
             return Err(self
@@ -463,7 +462,6 @@ impl<'a> Reader<'a> {
         }
         self.push(last, end, degrees, false)?;
         self.out.program.arcs += 1;
-        self.out.program.chord_error = self.out.program.chord_error.max(self.out.options.arc_tolerance);
         (self.at, self.degrees) = (to, degrees);
         Ok(())
     }

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::ingest::columns::{CloudColumns, Column};
 use crate::ingest::guarded::guarded;
+use crate::ingest::placement::Placement;
 use crate::ingest::text;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
@@ -104,8 +105,9 @@ struct ScanLayout<'a> {
     normal: Option<[usize; 3]>,
     /// What is not 0 where a point has no place.
     invalid: Option<usize>,
-    rotation: [[f64; 3]; 3],
-    translation: [f64; 3],
+    /// Of normals, and of places in metres.
+    turn: Placement,
+    pose: Placement,
 }
 
 impl<'a> ScanLayout<'a> {
@@ -137,8 +139,8 @@ impl<'a> ScanLayout<'a> {
         };
         let [nx, ny, nz] = [0, 1, 2].map(normal);
         let normal = nx.zip(ny).zip(nz).map(|((nx, ny), nz)| [nx, ny, nz]);
-        let (rotation, translation) = pose(scan.transform.as_ref())?;
-        Ok(ScanLayout { records, position, normal, invalid: at(state), rotation, translation })
+        let (turn, pose) = pose(scan.transform.as_ref())?;
+        Ok(ScanLayout { records, position, normal, invalid: at(state), turn, pose })
     }
 
     fn number(&self, values: &[RecordValue], at: usize) -> std::result::Result<f64, String> {
@@ -168,18 +170,13 @@ impl<'a> ScanLayout<'a> {
         if local.iter().any(|c| c.is_nan()) {
             return Ok(false);
         }
-        let turned = self.turned(local);
-        all.points.push([0, 1, 2].map(|a| (turned[a] + self.translation[a]) * MILLIMETRES));
+        all.points.push(self.pose.place(local).map(|c| c * MILLIMETRES));
         if let Some(at) = self.normal {
             // A normal that is unknown counts for nothing.
             let normal = self.three(values, at)?.map(|c| if c.is_finite() { c } else { 0.0 });
-            all.normals.push(self.turned(normal));
+            all.normals.push(self.turn.place(normal));
         }
         Ok(true)
-    }
-
-    fn turned(&self, v: [f64; 3]) -> [f64; 3] {
-        self.rotation.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
     }
 }
 
@@ -191,8 +188,8 @@ fn is_constant(kind: &RecordDataType) -> bool {
     }
 }
 
-/// Rotation by rows, and translation in metres.
-fn pose(transform: Option<&Transform>) -> std::result::Result<([[f64; 3]; 3], [f64; 3]), String> {
+/// The rotation, and it with the translation in metres.
+fn pose(transform: Option<&Transform>) -> std::result::Result<(Placement, Placement), String> {
     let transform = transform.cloned().unwrap_or_default();
     let (turn, to) = (&transform.rotation, &transform.translation);
     let (translation, quaternion) = ([to.x, to.y, to.z], [turn.w, turn.x, turn.y, turn.z]);
@@ -200,14 +197,11 @@ fn pose(transform: Option<&Transform>) -> std::result::Result<([[f64; 3]; 3], [f
     if !length.is_finite() || length == 0.0 || translation.iter().any(|c| !c.is_finite()) {
         return Err("has a pose that is no rotation and translation".to_owned());
     }
-    if quaternion[1..] == [0.0; 3] {
-        return Ok(([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], translation));
-    }
-    let [w, x, y, z] = quaternion.map(|c| c / length);
-    let rotation = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ];
-    Ok((rotation, translation))
+    let turn = if quaternion[1..] == [0.0; 3] {
+        Placement::IDENTITY
+    } else {
+        let [w, x, y, z] = quaternion.map(|c| c / length);
+        Placement::turn([x, y, z, w])
+    };
+    Ok((turn, Placement::shift(translation).after(&turn)))
 }

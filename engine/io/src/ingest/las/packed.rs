@@ -32,8 +32,8 @@ pub(super) fn unpacked(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Prog
     let damaged = || header.error("does not say how its points are packed");
     let packing = header.packing.ok_or_else(damaged)?;
     let packing = guarded(|| LazVlr::from_buffer(packing).ok()).flatten().ok_or_else(damaged)?;
-    let stride: u64 = packing.items().iter().map(|item| u64::from(item.size())).sum();
-    if stride != header.stride as u64 {
+    let stride = stride(&packing);
+    if stride != header.stride {
         let what = format!("has points of {} bytes, packed as {stride} bytes", header.stride);
         return Err(header.error(what));
     }
@@ -56,6 +56,11 @@ pub(super) fn unpacked(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Prog
         }
     }
     Ok(all)
+}
+
+/// Bytes of a point.
+fn stride(packing: &LazVlr) -> usize {
+    packing.items().iter().map(|item| usize::from(item.size())).sum()
 }
 
 /// Where the chunks are, and how many points each has; all that is counted is there, in bytes that may hold it.
@@ -142,7 +147,7 @@ fn decode<'a>(
 ) -> Option<Decoded> {
     decoder.set_fields_from(packing.items()).ok()?;
     let (mut point, mut decoded) = (vec![0; decoder.record_size()], Decoded::default());
-    if point.len() as u64 != packing.items().iter().map(|item| u64::from(item.size())).sum::<u64>() {
+    if point.len() != stride(packing) {
         return None;
     }
     for _ in 0..points {
@@ -161,7 +166,7 @@ fn has_layers(bytes: &[u8], packing: &LazVlr) -> bool {
         _ => 1,
     };
     let items = packing.items();
-    let first: usize = items.iter().map(|item| usize::from(item.size())).sum::<usize>() + 4;
+    let first = stride(packing) + 4;
     let count: usize = items.iter().map(|item| layers(item.item_type())).sum();
     let length = |n: usize| array(bytes, first + 4 * n).map(|b| u64::from(u32::from_le_bytes(b)));
     let total: Option<u64> = (0..count).map(length).sum();
