@@ -11,7 +11,7 @@ const KNOWN: [(&str, usize); 7] = [
     ("gpu", 3),
     ("octree", 2),
     ("picture", 2),
-    ("toolpath", 7),
+    ("toolpath", 3),
     ("winding", 3),
 ];
 

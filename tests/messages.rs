@@ -4,8 +4,8 @@ use super::{engine, sources, top};
 use std::collections::BTreeSet;
 use std::fs;
 
-/// Code in messages that is no setting: commands of the program, functions of the library.
-const OTHERS: [&str; 4] = ["build", "in_memory", "winding", "write"];
+/// Code in messages that is no setting: commands of the program, functions and features of the library.
+const OTHERS: [&str; 6] = ["build", "gcode", "in_memory", "vulkan", "winding", "write"];
 
 /// Lines that may hold messages: code of the engine without comments and tests.
 fn lines() -> Vec<(String, String)> {

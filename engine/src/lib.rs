@@ -64,13 +64,18 @@
 //!
 //! # Features
 //!
-//! All are on by default; what a program does not need, it need not compile.
+//! All but the last two are on by default; what a program does not need, it need not compile.
 //!
-//! | feature | modules |
+//! | feature | for |
 //! |---|---|
+//! | `gcode` | reading G-code in [`toolpath`]; programs in [`milling`] need it not |
+//! | `x3d` | reading sweeps in [`x3d`] |
+//! | `vulkan` | devices in [`gpu`]; without it there are none |
 //! | `export` | [`export`], [`import`] |
 //! | `pictures` | [`picture`], [`section`], [`render`], [`overlay`]; `Octree::write_slice` and `write_picture` |
 //! | `splats` | [`splats`], [`bsp`], [`draw`]; brings `pictures` |
+//! | `las` | packed point clouds of LAS: LAZ, COPC |
+//! | `e57` | point clouds in E57 |
 //!
 //! An [`Error`] is one line for the user: what went wrong, where, what to do. [`Error::kind`] is for programs. A
 //! [`Progress`] hears of phases and steps, and stops the work by saying that it is cancelled.

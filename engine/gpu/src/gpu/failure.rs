@@ -1,5 +1,6 @@
 //! What can go wrong with a device, before work begins and amid it.
 
+#[cfg(feature = "vulkan")]
 use ash::vk;
 use std::fmt;
 
@@ -32,6 +33,7 @@ pub enum DeviceFailure {
     #[error("the device did not finish in time")]
     Timeout,
     /// The driver refused a call.
+    #[cfg(feature = "vulkan")]
     #[error("the driver refused: {0}")]
     Refused(vk::Result),
 }
@@ -43,6 +45,7 @@ impl DeviceFailure {
     }
 }
 
+#[cfg(feature = "vulkan")]
 impl From<vk::Result> for DeviceFailure {
     fn from(result: vk::Result) -> DeviceFailure {
         match result {

@@ -8,10 +8,20 @@
 //! [`Sweeps`], and said there. Coordinates are handed on as they stand in the file: metres by the
 //! specification, millimetres in most files that slicers' users meet.
 
+// What only the reader needs is dead without it.
+#![cfg_attr(not(feature = "x3d"), allow(dead_code))]
+
 mod affine;
 mod cap;
+mod extrusion;
+#[cfg(feature = "x3d")]
 mod fields;
+#[cfg(feature = "x3d")]
 mod node;
+#[cfg(feature = "x3d")]
+mod reader;
+#[cfg(not(feature = "x3d"))]
+#[path = "absent.rs"]
 mod reader;
 mod report;
 pub mod scp;
@@ -20,8 +30,8 @@ mod sweeps;
 mod tests;
 mod writer;
 
-pub use fields::Extrusion;
-pub use reader::{Sink, X3dItem, read};
+pub use extrusion::{Extrusion, Sink, X3dItem};
+pub use reader::read;
 pub use report::{SkippedNode, X3dReport};
 pub use sweeps::{PlacedExtrusion, Sweeps};
 pub use writer::{ExtrusionStyle, Writer};

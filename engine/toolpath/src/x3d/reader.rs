@@ -4,7 +4,8 @@
 //! a few numbers each, not their geometry; what a USE shows again refers to an Extrusion by its number.
 
 use super::affine::Transform;
-use super::fields::{self, Extrusion};
+use super::extrusion::{Extrusion, Sink, X3dItem};
+use super::fields;
 use super::node::{self, NodeRole};
 use super::report::X3dReport;
 use crate::error::{Error, Result};
@@ -25,23 +26,6 @@ const DEPTH_MAX: usize = 1024;
 const USED_MAX: u64 = 1 << 20;
 
 const REMEDY: &str = "export or copy the file again";
-
-/// What a reader hands over.
-#[derive(Debug)]
-pub enum X3dItem<'a> {
-    /// The next Extrusion; they are numbered from 0. It shows only where it is placed.
-    Extrusion(&'a Extrusion),
-    /// Extrusion number `extrusion`, handed over earlier, is shown.
-    Place {
-        /// Number of the Extrusion.
-        extrusion: u64,
-        /// From its coordinates to the scene's.
-        to_scene: DAffine3,
-    },
-}
-
-/// Takes the pieces of a file in its order.
-pub type Sink<'a> = dyn FnMut(X3dItem<'_>) -> Result<()> + 'a;
 
 /// Reads `bytes`, the content of the X3D file `path`, and hands its sweeps to `sink`, in the file's order.
 /// Memory is that of the largest Extrusion, and some 200 bytes for each node with a DEF name.

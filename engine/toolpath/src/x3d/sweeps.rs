@@ -17,8 +17,8 @@
 
 use super::affine::rotation;
 use super::cap;
-use super::fields::Extrusion;
-use super::reader::{self, X3dItem};
+use super::extrusion::{Extrusion, X3dItem};
+use super::reader;
 use super::report::X3dReport;
 use super::scp;
 use crate::error::{Error, Result};

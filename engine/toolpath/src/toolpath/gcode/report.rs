@@ -116,7 +116,7 @@ impl MachineReport {
     pub fn text(&self) -> String {
         let unit = match self.unit_mm {
             Some(1.0) => "mm".to_owned(),
-            Some(super::file_scan::INCH) => "inches".to_owned(),
+            Some(super::INCH) => "inches".to_owned(),
             Some(mm) => format!("units of {mm} mm"),
             None => "no unit".to_owned(),
         };

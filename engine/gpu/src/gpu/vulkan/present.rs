@@ -1,7 +1,7 @@
 //! Pictures of the host's memory shown in a window.
 
 use super::failure::{DeviceFailure, DeviceUnavailable};
-use super::instance::DeviceInfo;
+use super::info::DeviceInfo;
 use super::screen::PresentDevice;
 use super::swapchain::{Staging, Swapchain};
 use ash::vk;

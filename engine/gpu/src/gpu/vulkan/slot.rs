@@ -1,5 +1,6 @@
 //! The commands of one batch at a time, and how they are recorded.
 
+use super::batch::{KERNELS, Seconds};
 use super::context::Context;
 use super::failure::{DeviceFailure, Stage};
 use super::kernels::Kernels;
@@ -7,21 +8,8 @@ use super::memory::{Arena, Range};
 use ash::vk;
 use std::sync::Arc;
 
-/// Kernels of a batch.
-pub(super) const KERNELS: usize = 5;
 /// Points of time that a batch notes: before, uploaded, after each kernel, read back.
 const TIMES: u32 = KERNELS as u32 + 3;
-
-/// Seconds that a batch took on the device.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Seconds {
-    /// To upload its input.
-    pub upload: f64,
-    /// To compute, by kernel.
-    pub kernels: [f64; KERNELS],
-    /// To read its results back.
-    pub read: f64,
-}
 
 /// Command buffer, semaphore and clock of one batch at a time.
 pub(super) struct BatchSlot {

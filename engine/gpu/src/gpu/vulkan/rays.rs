@@ -7,10 +7,11 @@ use super::memory::{Arena, MemoryUse};
 use super::ray_capacity::{
     NODES, PAGES, PIXELS, POOL, ROUND, RayCapacity, SHELLS, SIGHT, TABLES, USED, WANTED, page_words,
 };
+use super::ray_scene::{RayScene, RoundEnd};
 use super::slot::BatchSlot;
 use ash::vk;
 use brickfield_shaders::{
-    COUNT_WORDS, RAY_BUFFERS, RAYS, RESIDENT, Round, Shell, Sight, TABLE_ENTRIES, TILE, TreeNode, WORKGROUP,
+    COUNT_WORDS, RAY_BUFFERS, RAYS, RESIDENT, Round, Sight, TABLE_ENTRIES, TILE, TreeNode, WORKGROUP,
 };
 use std::sync::Arc;
 
@@ -19,21 +20,6 @@ const TRACE: usize = 0;
 const BLEND: usize = 1;
 /// Pixels of a tile.
 const TILE_PIXELS: u32 = TILE * TILE;
-
-/// What rays pass, apart from bricks.
-#[derive(Clone, Copy, Debug)]
-pub struct RayScene<'a> {
-    /// The tree's nodes; children stand behind their parents.
-    pub nodes: &'a [TreeNode],
-    /// Surfaces, at most four.
-    pub shells: &'a [Shell],
-    /// Colours and stops, [`TABLE_ENTRIES`] of them.
-    pub tables: &'a [[f32; 4]],
-    /// Whether there is a haze.
-    pub haze: bool,
-    /// Whether pages have winding numbers.
-    pub counts: bool,
-}
 
 impl RayScene<'_> {
     /// Words of a page that has every field.
@@ -70,15 +56,6 @@ impl RayKernels {
         let entries = [(RAYS, c"trace"), (RAYS, c"blend")];
         Ok(RayKernels(Arc::new(Kernels::new(&gpu.context, RAY_BUFFERS.len(), &entries)?)))
     }
-}
-
-/// What a round left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RoundEnd {
-    /// Rays that wait for bricks, or for the next round.
-    pub waiting: u32,
-    /// Bricks that they want and that can be brought, by [`RayCaster::wanted`].
-    pub wanted: u32,
 }
 
 /// Rays, bricks in pages, and the picture that becomes of them.

@@ -1,9 +1,10 @@
 //! Width and height of what is deposited.
 
+use super::SIZE_MAX;
 use super::beads::distance;
+use super::options::GcodeOptions;
 use super::report::{GcodeReport, SizeReport};
 use super::settings::SlicerSettings;
-use super::{GcodeOptions, SIZE_MAX};
 use crate::toolpath::Section;
 use std::collections::VecDeque;
 use std::f64::consts::FRAC_PI_4;

@@ -1,31 +1,15 @@
 //! A device opened for work.
 
+use super::batch::{DeviceSettings, KERNELS};
 use super::context::Context;
 use super::failure::{DeviceFailure, DeviceUnavailable, InjectedFailure, WrongAnswer};
 use super::hardware::Hardware;
-use super::instance::{DeviceInfo, DeviceKind, Instance};
+use super::info::{DeviceInfo, DeviceKind};
+use super::instance::Instance;
 use super::kernels::Kernels;
-use super::slot::KERNELS;
 use brickfield_shaders::{BRICK_BUFFERS, EVALUATE, HERMITE, SCAN};
 use std::fmt;
 use std::sync::{Arc, Mutex, OnceLock};
-
-/// Which device to open, and how.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct DeviceSettings {
-    /// Its number, or a part of its name in any case; the best one if not given.
-    pub device: Option<String>,
-    /// Only a GPU will do, no software driver, unless it is named.
-    pub real: bool,
-    /// Bytes of memory that may be allocated, on the device and here together; 0 for an eighth of the device's, from
-    /// 64 MiB to 1 GiB.
-    pub memory: u64,
-    /// Copy to and from the device even where its memory is the host's, as is done for cards: for tests on a software
-    /// driver.
-    pub staging: bool,
-    /// Have the validation layer look on.
-    pub validation: bool,
-}
 
 /// A device with the kernels that evaluate bricks. Clones are handles of the same.
 #[derive(Clone)]

@@ -8,6 +8,7 @@ use super::failure::{DeviceFailure, WrongAnswer};
 use super::kernels::{DescriptorSets, Kernels};
 use super::memory::{Arena, MemoryUse, Range, end_of, in_a_row};
 use super::slot::BatchSlot;
+use super::sum_batch::{SumCapacity, SumInput};
 use brickfield_shaders::{
     Block, CLUSTER_WORDS, COEFFICIENTS, ELEMENT_WORDS, OPEN, POINTS, SUM_BUFFERS, Sums, TERMS_MAX, WORKGROUP,
 };
@@ -74,43 +75,6 @@ impl SumTree {
         let counts = [clusters.len() as u32 / CLUSTER_WORDS, elements.len() as u32 / ELEMENT_WORDS];
         Ok(SumTree { buffer, ranges, kernels, counts, gpu: gpu.clone() })
     }
-}
-
-/// Samples of some bricks.
-#[derive(Debug, Default)]
-pub struct SumInput {
-    /// Blocks of samples.
-    pub blocks: Vec<Block>,
-    /// By block: the coefficients of its polynomial, without the constant.
-    pub coefficients: Vec<[f32; COEFFICIENTS as usize]>,
-    /// Numbers of clusters and elements.
-    pub terms: Vec<u32>,
-    /// By row of four samples: the number of its block; in the ninth bit whether they are every second one; below, three
-    /// bits an axis, the place of the first in the block.
-    pub rows: Vec<u32>,
-}
-
-impl SumInput {
-    /// Empties it.
-    pub fn clear(&mut self) {
-        self.blocks.clear();
-        self.coefficients.clear();
-        self.terms.clear();
-        self.rows.clear();
-    }
-}
-
-/// How much of each thing there is room for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SumCapacity {
-    /// Bricks.
-    pub bricks: usize,
-    /// Rows of samples.
-    pub rows: usize,
-    /// Blocks.
-    pub blocks: usize,
-    /// Terms.
-    pub terms: usize,
 }
 
 impl SumCapacity {

@@ -1,6 +1,6 @@
 //! Codes: G, M and T words.
 
-use super::file_scan::INCH;
+use super::INCH;
 use super::firmware::Firmware;
 use super::machine::MachineState;
 use super::neutral;

@@ -1,13 +1,11 @@
 //! What tells the machine that a file is for: found before its first line is carried out.
 
+use super::INCH;
 use super::deposition::{FAMILIES, MachineFamily};
 use super::layer_axis::LayerAxis;
 use super::regions::{self, CommentMeaning};
 use super::settings::SlicerSettings;
 use super::words::{Words, identifier, number};
-
-/// mm in an inch.
-pub(super) const INCH: f64 = 25.4;
 
 /// Machines whose programs ORNL Slicer writes in inches, by what its header calls them.
 const IN_INCHES: [&str; 8] =

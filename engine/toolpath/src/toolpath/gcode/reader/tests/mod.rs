@@ -1,8 +1,11 @@
 //! Tests of the G-code reader as a whole.
 
-use super::*;
+use super::super::*;
+use super::{read_gcode, read_gcode_from, sizes};
+use crate::error::{Error, Result};
+use crate::progress::Silent;
 use crate::toolpath::Toolpath;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 mod dialect;
 mod files;

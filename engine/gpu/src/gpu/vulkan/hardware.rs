@@ -1,7 +1,8 @@
 //! The hardware of a device: what it offers, and what devices opened on it have in common.
 
 use super::failure::{DeviceFailure, DeviceUnavailable, InjectedFailure, Stage, WrongAnswer};
-use super::instance::{DeviceInfo, DeviceKind, Instance};
+use super::info::{DeviceInfo, DeviceKind};
+use super::instance::Instance;
 use super::memory::MemoryUse;
 use ash::vk;
 use std::sync::{Mutex, MutexGuard, PoisonError};

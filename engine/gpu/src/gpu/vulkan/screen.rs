@@ -1,7 +1,8 @@
 //! A window as Vulkan sees it: the surface, and a device that can show pictures on it.
 
 use super::failure::DeviceUnavailable;
-use super::instance::{DeviceInfo, DeviceKind, Instance};
+use super::info::{DeviceInfo, DeviceKind};
+use super::instance::Instance;
 use ash::khr::{surface, swapchain, xlib_surface};
 use ash::vk;
 use raw_window_handle::{

@@ -1,15 +1,16 @@
 //! A thread's way to the device: a ring of batches, so that one is packed or read here while another is computed there.
 
+use super::batch::{BatchInput, BatchOutput, KERNELS, Seconds};
 use super::device::Gpu;
 use super::exchange::BufferSet;
 use super::failure::{DeviceFailure, WrongAnswer};
 use super::kernels::{DescriptorSets, Kernels};
 use super::memory::Range;
 use super::sizes::{BatchCapacity, CHAINS, READ, UPLOADED, ZEROED};
-use super::slot::{BatchSlot, KERNELS, Seconds};
+use super::slot::BatchSlot;
 use ash::vk;
 use brickfield_shaders::{
-    Batch, Brick, JUMP_WORDS, LINE_WORDS, PAIRS_OF_BRICK_MAX, POINTS, Pair, ROWS, VARIES, WORKGROUP,
+    Batch, Brick, JUMP_WORDS, LINE_WORDS, PAIRS_OF_BRICK_MAX, POINTS, ROWS, VARIES, WORKGROUP,
 };
 use std::collections::VecDeque;
 
@@ -22,39 +23,6 @@ const SPANS_OF_INVOCATION: u32 = 16;
 const SPANS_OF_PAIR: [u32; 2] = [POINTS + 2, 3 * POINTS];
 /// Workgroups for each brick that share the edges with several crossings.
 const RESOLVE_GROUPS: u32 = 4;
-
-/// Bricks to evaluate.
-#[derive(Clone, Debug, Default)]
-pub struct BatchInput {
-    /// The bricks' corners.
-    pub bricks: Vec<Brick>,
-    /// Of each brick every triangle that touches it.
-    pub pairs: Vec<Pair>,
-    /// Whether the bricks may be divided.
-    pub may_divide: bool,
-}
-
-impl BatchInput {
-    /// Empties it of bricks.
-    pub fn clear(&mut self) {
-        self.bricks.clear();
-        self.pairs.clear();
-    }
-}
-
-/// What the device made of a batch.
-#[derive(Debug)]
-pub struct BatchOutput<'a> {
-    /// What became of the bricks.
-    pub bricks: &'a [Brick],
-    /// By brick: by row, four a word, the jumps of the samples at edges along x, as
-    /// [`brickfield_shaders::JUMP_BIAS`] tells; then those of the other lines, and which edges hold crossings.
-    pub jumps: &'a [[u32; JUMP_WORDS as usize]],
-    /// By brick and row: the first sample, and which edges along x hold crossings.
-    pub rows: &'a [[[u32; 2]; ROWS as usize]],
-    /// The Hermite edges of all bricks: offset and normal.
-    pub hermite: &'a [[u32; 2]],
-}
 
 /// Buffers and commands of one thread.
 pub struct DeviceLane {

@@ -1,10 +1,11 @@
 //! Gathers deposited steps into beads and hands them over.
 
 use super::auxiliary::is_auxiliary;
+use super::options::GcodeOptions;
 use super::report::{FeatureReport, GcodeReport};
 use super::settings::SlicerSettings;
 use super::sizes::{BeadMove, Layering, NumberResolution};
-use super::{GcodeOptions, MERGE_MM, UNNAMED, tilt};
+use super::{MERGE_MM, UNNAMED, tilt};
 use crate::error::{Error, Result};
 use crate::toolpath::{Attributes, BeadSink, BeadView, Section, UP};
 use std::collections::{BTreeSet, HashMap};

@@ -1,71 +1,14 @@
 //! How a file is to be carried out: what deposits, in which unit, and which axis carries layers.
 
 use super::beads::BeadAssembler;
-use super::deposition::{DepositionCode, DepositionSwitch, MachineFamily};
+use super::deposition::{DepositionSwitch, MachineFamily};
 use super::file_scan::ScanFindings;
 use super::layer_axis::LayerAxis;
 use super::machine::Setup;
+use super::options::{ExtruderAxis, GcodeOptions};
 use super::report::UnitSource;
 use super::sizes::Rise;
-use super::{GcodeOptions, Survey};
-use crate::error::{Error, Result};
-use std::fmt;
-use std::str::FromStr;
-
-/// The letter of an axis that feeds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ExtruderAxis(u8);
-
-impl ExtruderAxis {
-    pub(super) fn letter(self) -> u8 {
-        self.0
-    }
-}
-
-impl FromStr for ExtruderAxis {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<ExtruderAxis> {
-        match text.trim().to_ascii_uppercase().as_bytes() {
-            [letter @ (b'A'..=b'C' | b'E' | b'U'..=b'W')] => Ok(ExtruderAxis(*letter)),
-            _ => {
-                let what = format!("\"{}\" is no axis that can feed", text.escape_debug());
-                Err(Error::setting(what, "give A, B, C, E, U, V or W"))
-            }
-        }
-    }
-}
-
-impl fmt::Display for ExtruderAxis {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", char::from(self.0))
-    }
-}
-
-/// Refuses options that contradict each other.
-pub(super) fn check(options: &GcodeOptions) -> Result<()> {
-    let feeds = options.extruder_axis.map(ExtruderAxis::letter);
-    let lifts = options.layer_axis.and_then(LayerAxis::letter);
-    if feeds.is_some() && feeds == lifts {
-        return Err(Error::setting("one axis cannot feed and carry layers", "give two axes, or one of them"));
-    }
-    let (on, off) = (&options.deposit_on, &options.deposit_off);
-    if on.is_empty() && !off.is_empty() {
-        return Err(Error::setting("codes switch off, and none switches on", "give `deposit_on`, too"));
-    }
-    if off.is_empty() && !on.iter().all(DepositionCode::takes_argument) {
-        return Err(Error::setting("codes switch on, and none switches off", "give `deposit_off`, too"));
-    }
-    if options.unit.is_some_and(|unit| !(1e-6..=1e4).contains(&unit)) {
-        return Err(Error::setting("the unit is not between 1e-6 and 1e4 mm", "give mm or inches"));
-    }
-    match options.variables.iter().find(|(name, value)| name.is_empty() || !value.is_finite()) {
-        Some((name, _)) => {
-            Err(Error::setting(format!("the variable {name:?} has no value"), "give NAME=NUMBER"))
-        }
-        None => Ok(()),
-    }
-}
+use super::survey::FileSurvey;
 
 /// What a user may do about a file in which nothing was deposited.
 pub(super) fn remedy(signs: &ScanFindings) -> String {
@@ -110,7 +53,7 @@ enum TrialGoal {
 }
 
 impl ReadPlan {
-    pub(super) fn new(options: &GcodeOptions, survey: &Survey) -> ReadPlan {
+    pub(super) fn new(options: &GcodeOptions, survey: &FileSurvey) -> ReadPlan {
         let signs = &survey.signs;
         let (family, rival) = signs.family();
         let by_codes = !options.deposit_on.is_empty();
@@ -223,7 +166,7 @@ impl ReadPlan {
     }
 
     /// The machine's state before its program begins.
-    pub(super) fn setup(&self, options: &GcodeOptions, survey: &Survey) -> Setup {
+    pub(super) fn setup(&self, options: &GcodeOptions, survey: &FileSurvey) -> Setup {
         let switch = match options.deposit_on.is_empty() {
             true => DepositionSwitch::of(self.family),
             false => DepositionSwitch::new(&options.deposit_on, &options.deposit_off),
