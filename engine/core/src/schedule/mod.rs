@@ -56,23 +56,41 @@ pub struct RunLimits {
     pub window: usize,
 }
 
-struct State<T, E> {
-    waiting: BTreeMap<TaskOrder, T>,
-    running: BTreeSet<TaskOrder>,
-    ready: BTreeMap<TaskOrder, (E, Option<MemoryReservation>)>,
-    consuming: bool,
-    /// Threads that wait for a task.
-    idle: usize,
-    /// Bytes that the consumer keeps.
-    kept: u64,
-    failure: Option<Error>,
-}
+/// Tasks and results by number, for a scheduler that knows their numbers alone: it is compiled once, however many kinds of
+/// tasks there are.
+struct Slots<T>(Mutex<(Vec<Option<T>>, Vec<usize>)>);
 
-struct Shared<T, E> {
-    state: Mutex<State<T, E>>,
-    moved: Condvar,
-    held: Arc<AtomicU64>,
-    bounds: RunLimits,
+impl<T> Slots<T> {
+    fn new() -> Slots<T> {
+        Slots(Mutex::default())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (Vec<Option<T>>, Vec<usize>)> {
+        self.0.lock().expect("no thread panicked")
+    }
+
+    /// Keeps an item, and returns its number.
+    fn put(&self, item: T) -> usize {
+        let (items, free) = &mut *self.lock();
+        let number = free.pop().unwrap_or_else(|| {
+            items.push(None);
+            items.len() - 1
+        });
+        items[number] = Some(item);
+        number
+    }
+
+    /// Gives an item back, whose number is free then.
+    fn take(&self, number: usize) -> T {
+        let (items, free) = &mut *self.lock();
+        free.push(number);
+        items[number].take().expect("an item that was put there")
+    }
+
+    /// What `look` says of an item.
+    fn look(&self, number: usize, look: impl Fn(&T) -> u64) -> u64 {
+        self.lock().0[number].as_ref().map_or(0, look)
+    }
 }
 
 /// Runs `work` on `tasks`, and on those into which they are opened, on the threads of the current pool, and passes what
@@ -86,39 +104,67 @@ pub fn run_tasks<L, T: Send, E: Send>(
     local: impl Fn() -> L + Sync,
     need: impl Fn(&T) -> u64 + Sync,
     work: impl Fn(&mut L, T, MemoryReservation) -> Result<TaskOutcome<T, E>> + Sync,
-    consume: impl FnMut(E) -> Result<Option<u64>> + Send,
+    mut consume: impl FnMut(E) -> Result<Option<u64>> + Send,
 ) -> Result<()> {
-    let state = State {
-        waiting: tasks.into_iter().collect(),
-        running: BTreeSet::new(),
-        ready: BTreeMap::new(),
-        consuming: false,
-        idle: 0,
-        kept: 0,
-        failure: None,
+    let (waiting, results) = (Slots::new(), Slots::new());
+    let keep = |tasks: Vec<(TaskOrder, T)>| {
+        tasks.into_iter().map(|(place, task)| (place, waiting.put(task))).collect::<Vec<_>>()
     };
-    let (state, moved) = (Mutex::new(state), Condvar::new());
-    let shared = Shared { state, moved, held: Arc::default(), bounds };
-    let consume = Mutex::new(consume);
-    rayon::broadcast(|_| {
-        let guard = PanicGuard(&shared);
+    let mut consume_number = |number| consume(results.take(number));
+    let run = TaskRun::new(keep(tasks), bounds, &mut consume_number);
+    on_each_thread(&|_| {
+        let guard = PanicGuard(&run);
         let mut local = local();
-        while let Some((place, task, held)) = shared.claim(&need) {
-            match work(&mut local, task, held) {
-                Ok(outcome) => shared.hand_in(place, outcome, &consume),
-                Err(error) => shared.fail(error),
+        while let Some((place, number, held)) = run.claim(&|number| waiting.look(number, &need)) {
+            match work(&mut local, waiting.take(number), held) {
+                Ok(TaskOutcome::Done(result, held)) => {
+                    run.hand_in(place, results.put(result), Some(held), Vec::new());
+                }
+                Ok(TaskOutcome::Opened(opening, tasks)) => {
+                    run.hand_in(place, results.put(opening), None, keep(tasks));
+                }
+                Err(error) => run.fail(error),
             }
         }
         drop(guard);
     });
-    let state = shared.state.into_inner().expect("no thread panicked");
-    state.failure.map_or(Ok(()), Err)
+    run.end()
 }
 
-/// Lets the other threads end if this one panics, so that the panic is passed on and nobody waits for ever.
-struct PanicGuard<'a, T, E>(&'a Shared<T, E>);
+/// Calls `body` with its number on each thread of the current pool. Compiled once for all of them.
+fn on_each_thread(body: &(dyn Fn(usize) + Sync)) {
+    rayon::broadcast(|thread| body(thread.index()));
+}
 
-impl<T, E> Drop for PanicGuard<'_, T, E> {
+/// Where the tasks of a run stand, by their numbers.
+struct RunState {
+    waiting: BTreeMap<TaskOrder, usize>,
+    running: BTreeSet<TaskOrder>,
+    ready: BTreeMap<TaskOrder, (usize, Option<MemoryReservation>)>,
+    consuming: bool,
+    /// Threads that wait for a task.
+    idle: usize,
+    /// Bytes that the consumer keeps.
+    kept: u64,
+    failure: Option<Error>,
+}
+
+/// A run of tasks that are known by their numbers.
+struct TaskRun<'a> {
+    state: Mutex<RunState>,
+    moved: Condvar,
+    held: Arc<AtomicU64>,
+    bounds: RunLimits,
+    consume: Mutex<&'a mut Consumer<'a>>,
+}
+
+/// Takes the number of a result, and returns what the consumer keeps, if that has changed.
+type Consumer<'a> = dyn FnMut(usize) -> Result<Option<u64>> + Send + 'a;
+
+/// Lets the other threads end if this one panics, so that the panic is passed on and nobody waits for ever.
+struct PanicGuard<'r, 'a>(&'r TaskRun<'a>);
+
+impl Drop for PanicGuard<'_, '_> {
     fn drop(&mut self) {
         if std::thread::panicking() {
             let mut state = self.0.state.lock().unwrap_or_else(PoisonError::into_inner);
@@ -128,26 +174,46 @@ impl<T, E> Drop for PanicGuard<'_, T, E> {
     }
 }
 
-impl<T, E> Shared<T, E> {
-    fn lock(&self) -> MutexGuard<'_, State<T, E>> {
+impl<'a> TaskRun<'a> {
+    fn new(tasks: Vec<(TaskOrder, usize)>, bounds: RunLimits, consume: &'a mut Consumer<'a>) -> TaskRun<'a> {
+        let state = RunState {
+            waiting: tasks.into_iter().collect(),
+            running: BTreeSet::new(),
+            ready: BTreeMap::new(),
+            consuming: false,
+            idle: 0,
+            kept: 0,
+            failure: None,
+        };
+        let (state, moved) = (Mutex::new(state), Condvar::new());
+        TaskRun { state, moved, held: Arc::default(), bounds, consume: Mutex::new(consume) }
+    }
+
+    /// The first error, if there was one.
+    fn end(self) -> Result<()> {
+        let state = self.state.into_inner().expect("no thread panicked");
+        state.failure.map_or(Ok(()), Err)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, RunState> {
         self.state.lock().expect("no thread panicked")
     }
 
     /// Lets threads that wait for a task look again. To wake nobody is a system call, too.
-    fn wake(&self, state: &State<T, E>) {
+    fn wake(&self, state: &RunState) {
         if state.idle > 0 {
             self.moved.notify_all();
         }
     }
 
     /// The next task and the memory for it; `None` when there is none left or something failed.
-    fn claim(&self, need: impl Fn(&T) -> u64) -> Option<(TaskOrder, T, MemoryReservation)> {
+    fn claim(&self, need: &dyn Fn(usize) -> u64) -> Option<(TaskOrder, usize, MemoryReservation)> {
         let mut state = self.lock();
         loop {
             if state.failure.is_some() || (state.waiting.is_empty() && state.running.is_empty()) {
                 return None;
             }
-            let bytes = state.waiting.first_key_value().map(|(_, task)| need(task));
+            let bytes = state.waiting.first_key_value().map(|(_, task)| need(*task));
             if let Some(bytes) = bytes
                 && self.admits(&state, bytes)
                 && let Some((place, task)) = state.waiting.pop_first()
@@ -163,7 +229,7 @@ impl<T, E> Shared<T, E> {
     }
 
     /// Whether the first waiting task may begin.
-    fn admits(&self, state: &State<T, E>, bytes: u64) -> bool {
+    fn admits(&self, state: &RunState, bytes: u64) -> bool {
         // While a result is consumed its memory will be free before long, and who consumes it tells.
         if state.running.is_empty() && !state.consuming {
             return true;
@@ -176,22 +242,19 @@ impl<T, E> Shared<T, E> {
             && state.running.len() + state.ready.len() < self.bounds.window
     }
 
-    /// Takes what became of a task; consumes what is next, and what follows it, if nobody else is at it.
+    /// Takes what became of a task, and the tasks into which it was opened; consumes what is next, and what follows it, if
+    /// nobody else is at it.
     fn hand_in(
         &self,
         place: TaskOrder,
-        outcome: TaskOutcome<T, E>,
-        consume: &Mutex<impl FnMut(E) -> Result<Option<u64>>>,
+        result: usize,
+        held: Option<MemoryReservation>,
+        opened: Vec<(TaskOrder, usize)>,
     ) {
         let mut state = self.lock();
         state.running.remove(&place);
-        match outcome {
-            TaskOutcome::Done(result, held) => drop(state.ready.insert(place, (result, Some(held)))),
-            TaskOutcome::Opened(opening, tasks) => {
-                state.ready.insert(place, (opening, None));
-                state.waiting.extend(tasks);
-            }
-        }
+        state.ready.insert(place, (result, held));
+        state.waiting.extend(opened);
         self.wake(&state);
         if state.consuming {
             return;
@@ -199,7 +262,7 @@ impl<T, E> Shared<T, E> {
         state.consuming = true;
         while let Some((result, held)) = state.next_result() {
             drop(state);
-            let outcome = (consume.lock().expect("no thread panicked"))(result);
+            let outcome = (self.consume.lock().expect("no thread panicked"))(result);
             drop(held);
             state = self.lock();
             self.wake(&state);
@@ -221,9 +284,9 @@ impl<T, E> Shared<T, E> {
     }
 }
 
-impl<T, E> State<T, E> {
+impl RunState {
     /// The first result, if nothing that is still to come stands before it.
-    fn next_result(&mut self) -> Option<(E, Option<MemoryReservation>)> {
+    fn next_result(&mut self) -> Option<(usize, Option<MemoryReservation>)> {
         let place = *self.ready.first_key_value()?.0;
         let pending = self.running.first().into_iter().chain(self.waiting.keys().next());
         if pending.min().is_some_and(|first| *first < place) {

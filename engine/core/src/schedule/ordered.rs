@@ -1,7 +1,8 @@
 //! Work handed out to all threads in order.
 
-use super::{RunLimits, TaskOutcome, run_tasks};
+use super::{RunLimits, TaskOutcome, on_each_thread, run_tasks};
 use crate::error::Result;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Runs `work(0..count)` on the threads of the current pool and passes the results to `consume` in order
@@ -29,14 +30,20 @@ pub fn fold_in_order<T: Sync, P: Send>(
     add: impl Fn(&mut P, &T) -> Result<()> + Sync,
 ) -> Result<Vec<P>> {
     let next = AtomicUsize::new(0);
-    let parts = rayon::broadcast(|_| {
-        let mut part = part();
-        while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
-            add(&mut part, item).inspect_err(|_| next.store(items.len(), Ordering::Relaxed))?;
-        }
-        Ok(part)
+    let parts: Vec<Mutex<Option<Result<P>>>> =
+        (0..rayon::current_num_threads()).map(|_| Mutex::new(None)).collect();
+    on_each_thread(&|thread| {
+        let fold = || {
+            let mut part = part();
+            while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+                add(&mut part, item).inspect_err(|_| next.store(items.len(), Ordering::Relaxed))?;
+            }
+            Ok(part)
+        };
+        *parts[thread].lock().expect("a part of this thread alone") = Some(fold());
     });
-    parts.into_iter().collect()
+    let parts = parts.into_iter().filter_map(|part| part.into_inner().expect("no thread panicked"));
+    parts.collect()
 }
 
 #[cfg(test)]
