@@ -400,7 +400,7 @@ fn why_cpu(request: &BuildRequest, chosen: &ComputeDevice, summary: &BuildSummar
     if summary.device.is_some() {
         return None;
     }
-    Some(not_for_devices(&request.options, summary.points > 0).to_owned())
+    Some(not_for_devices(&request.options, summary.input.is_cloud()).to_owned())
 }
 
 /// Why no device evaluates the bricks, unless one is asked for.

@@ -13,7 +13,10 @@ use crate::units::Size;
 use brickfield_engine::analysis::{Volumes, winding_range};
 use brickfield_engine::backend::DeviceReport;
 use brickfield_engine::brick::{Count, POINTS};
-use brickfield_engine::build::{BuildSummary, ResumedBuild, ShardSummary, ThinSheetsSummary, ThinSummary};
+use brickfield_engine::build::{
+    BeadsSummary, BuildSummary, FacetsSummary, InputSummary, PointsSummary, ResumedBuild, ShardSummary,
+    ThinSheetsSummary, ThinSummary,
+};
 use brickfield_engine::ingest::CloudInput;
 use brickfield_engine::lattice::MAX_LEVEL;
 use brickfield_engine::store::{BeadsMeta, Store};
@@ -88,7 +91,7 @@ impl BuildReport {
             None => Vec::new(),
         };
         let samples = samples_of_leaves(store);
-        let pieces = summary.facets + summary.segments + summary.points;
+        let pieces = summary.input.count();
         let explicit = plan.backend.backend == BackendArg::Vulkan || plan.backend.device.is_some();
         let device_warning = match (&cpu, &summary.device) {
             (Some(why), _) if explicit => Some(format!("--backend vulkan: {why}")),
@@ -157,17 +160,17 @@ impl BuildReport {
 
     /// What the input is counted in, and how many there are.
     fn counted(&self) -> (&'static str, String) {
-        let BuildSummary { facets, segments, degenerate_facets, skipped_faces, .. } = &self.summary;
-        let BuildSummary { points, void_points, spacing, .. } = &self.summary;
-        match segments {
-            0 if *points > 0 => {
+        match &self.summary.input {
+            InputSummary::Points(PointsSummary { points, void_points, spacing }) => {
                 ("points", format!("{points} ({void_points} without area), {spacing:.6} {} apart", self.unit))
             }
-            0 => (
+            InputSummary::Facets(FacetsSummary { facets, degenerate_facets, skipped_faces, .. }) => (
                 "facets",
                 format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
             ),
-            _ => ("segments", format!("{segments} of beads as solids, w counts {}", self.count)),
+            InputSummary::Beads(BeadsSummary { segments }) => {
+                ("segments", format!("{segments} of beads as solids, w counts {}", self.count))
+            }
         }
     }
 
@@ -180,20 +183,7 @@ impl BuildReport {
         for CloudText { path, columns } in &self.clouds {
             lines.push(format!("  columns  {}: {}", one_line(path), one_line(columns)));
         }
-        let BuildSummary { open_edges, loops, flipped_patches, .. } = &self.summary;
-        if *open_edges > 0 {
-            let edges = format!("{open_edges} open edges in {loops} loops");
-            lines.push(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
-        }
-        if let Some(report) = &self.summary.pieces {
-            let turned = report.turned_facets;
-            lines.push(format!("  pieces   {}; {turned} facets turned", pieces_text(report)));
-        }
-        match self.summary.turned_sweeps {
-            0 => {}
-            1 => lines.push("  sweeps   1 Extrusion was inside out, and is turned".to_owned()),
-            n => lines.push(format!("  sweeps   {n} Extrusions were inside out, and are turned")),
-        }
+        lines.extend(self.summary.input.facets().into_iter().flat_map(surface_lines));
     }
 
     /// Lines about the samples.
@@ -353,6 +343,26 @@ fn samples_of_leaves(store: &Store) -> u64 {
     evaluated as u64 * POINTS as u64
 }
 
+/// Lines about a surface of facets.
+fn surface_lines(read: &FacetsSummary) -> Vec<String> {
+    let FacetsSummary { open_edges, loops, flipped_patches, pieces, turned_sweeps, .. } = read;
+    let mut lines = Vec::new();
+    if *open_edges > 0 {
+        let edges = format!("{open_edges} open edges in {loops} loops");
+        lines.push(format!("  surface  open: {edges}, {flipped_patches} flipped patches"));
+    }
+    if let Some(report) = pieces {
+        let turned = report.turned_facets;
+        lines.push(format!("  pieces   {}; {turned} facets turned", pieces_text(report)));
+    }
+    match turned_sweeps {
+        0 => {}
+        1 => lines.push("  sweeps   1 Extrusion was inside out, and is turned".to_owned()),
+        n => lines.push(format!("  sweeps   {n} Extrusions were inside out, and are turned")),
+    }
+    lines
+}
+
 /// What the user should know of a field with this range, and of the pieces behind it.
 fn warnings((min, max): (i16, i16), plan: &BuildRequest, summary: &BuildSummary) -> Vec<String> {
     let empty = match (min, max) {
@@ -360,13 +370,14 @@ fn warnings((min, max): (i16, i16), plan: &BuildRequest, summary: &BuildSummary)
         (0, 0) => Some("nothing lies inside: no body is large enough for a sample"),
         _ => None,
     };
-    let is_closed_mesh = summary.open_edges == 0 && summary.points == 0;
-    let negative = match &summary.inside_out {
+    let facets = summary.input.facets();
+    let is_open = summary.input.is_cloud() || facets.is_some_and(|read| read.open_edges > 0);
+    let negative = match facets.and_then(|read| read.inside_out.as_ref()) {
         Some(found) => {
             let input = plan.inputs[found.source].display().to_string();
             Some(inside_out_text(found, &input, plan.units.symbol()))
         }
-        None if min < 0 && is_closed_mesh => Some(match plan.orient {
+        None if min < 0 && !is_open => Some(match plan.orient {
             None => format!(
                 "w falls to {min}: pieces are inside out, or cavities overlap; turn pieces with --orient"
             ),
@@ -377,7 +388,7 @@ fn warnings((min, max): (i16, i16), plan: &BuildRequest, summary: &BuildSummary)
         None => None,
     };
     let field: Vec<String> = empty.map(str::to_owned).into_iter().chain(negative).collect();
-    let left = plan.orient.zip(summary.pieces.as_ref());
+    let left = plan.orient.zip(facets.and_then(|read| read.pieces.as_ref()));
     let left = left.map_or(Vec::new(), |(asked, report)| left_text(report, asked));
     let field = Some(field.join("; ")).filter(|line| !line.is_empty());
     field.into_iter().chain(left).collect()

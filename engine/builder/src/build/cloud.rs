@@ -7,7 +7,7 @@ use super::field::{BrickEvaluation, Fractions, PieceField, PieceList};
 use super::pipeline::{BuildOptions, Resolution, place};
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
-use super::summary::BuildSummary;
+use super::summary::{BuildSummary, InputSummary, PointsSummary};
 use super::task::Task;
 use crate::brick::{Brick, Samples};
 use crate::error::{Error, Result};
@@ -154,8 +154,8 @@ pub fn build_clouds(
     clock.lap_if(task.meta.shard.is_some(), "weigh");
     task.build(&field, gather(&field, &pieces), progress)?;
     clock.lap("build");
-    let summary = task.finish(clock, progress)?;
-    Ok(BuildSummary { facets: 0, degenerate_facets: 0, points, void_points, spacing, ..summary })
+    let read = PointsSummary { points, void_points, spacing };
+    task.finish(InputSummary::Points(read), clock, progress)
 }
 
 /// The surface elements of the points of some files together. With `estimate`, their normals are those of

@@ -57,6 +57,8 @@ pub use plan_file::is_plan;
 pub use planned::{PlanSummary, build_planned, plan};
 pub use resources::Resources;
 pub use rules::TreeOptions;
-pub use summary::{BuildSummary, ResumedBuild, ShardSummary};
+pub use summary::{
+    BeadsSummary, BuildSummary, FacetsSummary, InputSummary, PointsSummary, ResumedBuild, ShardSummary,
+};
 pub use thin::{ThinDepth, ThinSheetsSummary, ThinSummary};
 pub use toolpaths::{BeadSource, bead_sources, bounds_of_sources, build_beads};

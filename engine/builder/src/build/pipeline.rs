@@ -11,7 +11,7 @@ use super::resources::{Resources, SpillResources};
 use super::rules::{OPEN, require_no_tolerance};
 use super::snap::{SnappedSoup, snap};
 use super::soup::Soup;
-use super::summary::BuildSummary;
+use super::summary::{BuildSummary, FacetsSummary, InputSummary};
 use super::task::Task;
 use super::thin::ThinDepth;
 use super::toolpaths::{bead_sources, build_beads};
@@ -228,17 +228,18 @@ fn build_soup(
     };
     let inside_out = task.find_inside_out(&soups, progress)?;
     clock.lap_if(inside_out.is_some(), "pieces");
-    let summary = task.finish(clock, progress)?;
-    Ok(BuildSummary {
-        pieces: turned.map(|(report, _)| report),
-        inside_out,
-        turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
+    let read = FacetsSummary {
+        facets,
+        degenerate_facets: task.meta.numbers.degenerate_facets,
         skipped_faces: opened.iter().map(Input::skipped_faces).sum(),
         open_edges: open.open_edges,
         loops: open.loops,
         flipped_patches: open.flipped_patches,
-        ..summary
-    })
+        pieces: turned.map(|(report, _)| report),
+        inside_out,
+        turned_sweeps: opened.iter().map(Input::turned_sweeps).sum(),
+    };
+    task.finish(InputSummary::Facets(read), clock, progress)
 }
 
 /// Inputs that have been measured: where they lie, and what they are.

@@ -11,14 +11,14 @@ use super::resources::SpillResources;
 use super::rules::Rules;
 use super::sorted::SortedPieces;
 use super::soup::Soup;
-use super::summary::BuildSummary;
+use super::summary::{BuildSummary, FacetsSummary, InputSummary};
 use super::task::{Task, meta_of, way_to_turn};
 use crate::error::{Error, Result};
 use crate::ingest::{Facets, Input};
 use crate::lattice::NodeKey;
 use crate::pieces::FlippedSource;
 use crate::progress::Progress;
-use crate::store::{Meta, Shard, ShardId, ShardNumbers, check_target};
+use crate::store::{BuildCounts, Meta, Shard, ShardId, ShardNumbers, check_target};
 use crate::volumes::facet_volumes;
 use crate::winding::CornerGrid;
 use serde::Serialize;
@@ -177,5 +177,7 @@ fn build_shard(
     task.build(&Soup { device, open: None }, sorted, progress)?;
     plan.check()?;
     clock.lap("build");
-    task.finish(clock, progress)
+    let BuildCounts { facets, degenerate_facets, .. } = task.meta.numbers;
+    let read = FacetsSummary { facets, degenerate_facets, ..FacetsSummary::default() };
+    task.finish(InputSummary::Facets(read), clock, progress)
 }

@@ -11,7 +11,7 @@ use super::pipeline::{BuildOptions, CommitOptions};
 use super::resources::SpillResources;
 use super::rules::{Rules, TreeOptions};
 use super::sorted::SortedPieces;
-use super::summary::{BuildSummary, ResumedBuild, ShardSummary};
+use super::summary::{BuildSummary, InputSummary, ResumedBuild, ShardSummary};
 use super::thin::ThinSummary;
 use crate::brick::ThinFeatures;
 use crate::error::{Error, Result};
@@ -203,10 +203,15 @@ impl Task {
         }
     }
 
-    /// Completes the store.
-    pub fn finish(self, mut clock: Clock, progress: &dyn Progress) -> Result<BuildSummary> {
+    /// Completes the store, whose `input` was read.
+    pub fn finish(
+        self,
+        input: InputSummary,
+        mut clock: Clock,
+        progress: &dyn Progress,
+    ) -> Result<BuildSummary> {
         progress.phase("finishing", None, "bytes");
-        let Meta { root, depth, numbers: BuildCounts { facets, degenerate_facets, .. }, .. } = self.meta;
+        let Meta { root, depth, .. } = self.meta;
         let shard = self.meta.shard.as_ref().map(|shard| ShardSummary {
             id: shard.id,
             level: shard.level,
@@ -218,27 +223,15 @@ impl Task {
         let Stats { nodes, leaves, file_bytes, .. } = self.writer.finish(self.meta)?;
         clock.lap("finish");
         Ok(BuildSummary {
-            facets,
-            segments: 0,
-            degenerate_facets,
-            points: 0,
-            void_points: 0,
-            spacing: 0.0,
-            skipped_faces: 0,
+            input,
             depth,
             cell: root.spacing(depth),
             nodes,
             leaves,
             file_bytes,
-            open_edges: 0,
-            loops: 0,
-            flipped_patches: 0,
-            pieces: None,
-            inside_out: None,
-            turned_sweeps: 0,
-            temporary_bytes: self.room.file().bytes(),
             base_depth: self.rules.depth,
             thin,
+            temporary_bytes: self.room.file().bytes(),
             resumed: self.resumed,
             shard,
             device: None,

@@ -8,7 +8,7 @@ use super::identity::{ListSources, ListedNodes, write_identity};
 use super::pipeline::{BuildOptions, Resolution, describe, place, place_by};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
-use super::summary::BuildSummary;
+use super::summary::{BeadsSummary, BuildSummary, InputSummary};
 use super::task::Task;
 use crate::brick::Count;
 use crate::error::{Error, Result};
@@ -102,8 +102,7 @@ pub fn build_beads(
         task.keep(written)?;
         clock.lap("identity");
     }
-    let summary = task.finish(clock, progress)?;
-    Ok(BuildSummary { segments: number, ..summary })
+    task.finish(InputSummary::Beads(BeadsSummary { segments: number }), clock, progress)
 }
 
 /// The number of each bead's first pass, and of all passes.
