@@ -117,7 +117,7 @@ impl Octree {
         Ok(arrays)
     }
 
-    /// The same as a file, whose name ends in .stl, .ply, .obj, .glb or .3mf. It gets its name only when it is complete.
+    /// The same as a file, whose name has one of [`crate::contour::listed_mesh_endings`]. It gets its name only when it is complete.
     ///
     /// # Errors
     /// As [`contour`]; a name of another ending.

@@ -83,6 +83,10 @@ fn what_makes_no_sense_is_refused() {
     let dir = Scratch::new();
     let store = dir.store("overlap_boxes", 1);
     assert!(run(&[&"mesh", &store]).misused().contains("--output"));
+    // Before anything is written.
+    let unread = dir.path("union.vtp");
+    assert!(run(&[&"mesh", &store, &"-o", &unread, &"--check"]).misused().contains("--check reads STL"));
+    assert!(!unread.exists());
     assert!(run(&[&"mesh", &"--check", &store]).misused().contains("-o"));
     let mesh = stl("overlap_boxes");
     run(&[&"mesh", &"--check", &mesh, &"--level", &"1"]).misused();

@@ -304,3 +304,16 @@ fn the_snippet_for_numpy_runs() {
     let count = told.split(' ').next().and_then(|word| word.parse::<u32>().ok());
     assert!(count.is_some_and(|count| count > 1000) && told.contains("samples inside, mm"), "{told}");
 }
+
+#[test]
+fn what_a_page_says_of_the_volumes_is_printed() {
+    let dir = Scratch::new();
+    let page = text_of("docs/guide/first-ten-minutes.md");
+    let said: Vec<&str> =
+        page.lines().filter(|line| line.starts_with("  volume ") || line.starts_with("  balance ")).collect();
+    let input = example("clover.gcode");
+    let store = dir.path("clover.brf");
+    let printed = run(&[&"build", &input, &"-o", &store, &"--skip", &"auto", &"--cell", &"0.17mm"]).stdout;
+    let lines: Vec<&str> = printed.lines().collect();
+    assert!(said.len() == 2 && said.iter().all(|line| lines.contains(line)), "{said:#?} in {printed}");
+}

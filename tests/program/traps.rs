@@ -148,7 +148,11 @@ fn a_build_that_goes_on_says_from_where() {
     suspended(&dir, &[&input, &"--depth", &"5"]);
     let ran = run(&[&"build", &input, &"-o", &dir.path("o.brf"), &"--depth", &"5"]);
     assert_eq!(ran.status, Some(0), "{}", ran.stderr);
-    assert!(ran.notes.contains("going on from") && ran.notes.contains("% of the tree"), "{}", ran.notes);
+    assert!(
+        ran.notes.contains("going on from") && ran.notes.contains("% of the way through the tree"),
+        "{}",
+        ran.notes
+    );
     let line = ran.stdout.lines().find(|line| line.contains("resumed")).expect(&ran.stdout);
     assert!(line.contains("nodes of an earlier run"), "{line}");
     suspended(&dir, &[&input, &"--depth", &"5", &"--restart"]);

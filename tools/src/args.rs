@@ -23,7 +23,7 @@ use brickfield_engine::ingest::mesh_endings;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-/// Winding numbers of huge triangle soups: build a brick store once, answer from it
+/// Exact unions of huge toolpaths and meshes: build a store once, and answer from it
 #[derive(Parser)]
 #[command(name = "brickfield", version, max_term_width = 110)]
 #[command(
@@ -359,7 +359,8 @@ pub struct InfoArgs {
     /// List the Vulkan devices of this machine instead
     #[arg(long, conflicts_with_all = ["file", "volume"])]
     pub devices: bool,
-    /// Also read all leaves for the volume of the union and of what overlaps
+    /// Also read all leaves for the volume of the union and of what overlaps. Volumes by the source, with three standard errors,
+    /// are nearer than those by samples and crossings, with a bound
     #[arg(long)]
     pub volume: bool,
     /// How to read the store
@@ -396,7 +397,7 @@ pub struct SampleArgs {
     #[arg(long, value_name = "P.csv")]
     pub points: PathBuf,
     /// Also print which beads cover each point, from a store built with --identity: how many, and of each its
-    /// number, layer from 1, tool, feature and lines in its file
+    /// bead.pass:source:layer:tool:first-last:feature. Layers count from 1, sources from 0; first and last are lines of the file
     #[arg(long)]
     pub beads: bool,
     /// How to read the store
@@ -423,8 +424,7 @@ Examples:
   brickfield winding part.stl --points points.csv
   echo 12.5,3,0.2 | brickfield winding part.stl --points - --brute")]
 pub struct WindingArgs {
-    /// Meshes: STL (binary, ASCII), OBJ, PLY; toolpaths: G-code, also as .gz or .xz; point clouds: PLY, XYZ
-    #[arg(required = true, value_name = "INPUT")]
+    #[arg(required = true, value_name = "INPUT", help = inputs_of_winding())]
     pub inputs: Vec<PathBuf>,
     /// Points as lines x,y,z in the input's unit; - reads standard input. A header line, empty lines and lines
     /// that begin with # are skipped
@@ -571,16 +571,26 @@ pub struct VerifyArgs {
     pub work: WorkArgs,
 }
 
+/// Formats of meshes that are read, by their table.
+pub fn mesh_formats() -> String {
+    mesh_endings().map(str::to_uppercase).collect::<Vec<_>>().join(", ")
+}
+
+/// Formats of point clouds that are read.
+const CLOUD_FORMATS: &str = "PLY, PCD, LAS, LAZ, E57, XYZ";
+
+/// What `winding` takes.
+fn inputs_of_winding() -> String {
+    format!(
+        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: {CLOUD_FORMATS}",
+        mesh_formats()
+    )
+}
+
 /// What `build` takes, by the tables of formats.
 fn inputs_of_build() -> String {
-    let meshes: Vec<String> = mesh_endings().map(str::to_uppercase).collect();
     let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
-    format!(
-        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: PLY, PCD, LAS, LAZ, E57, XYZ; or \
-         one volume: {}",
-        meshes.join(", "),
-        volumes.join(", ")
-    )
+    format!("{}; or one volume: {}", inputs_of_winding(), volumes.join(", "))
 }
 
 #[cfg(test)]

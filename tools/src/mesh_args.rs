@@ -1,6 +1,6 @@
 //! What the user types for `brickfield mesh`.
 
-use crate::args::{IoArg, MethodArg};
+use crate::args::{IoArg, MethodArg, mesh_formats};
 use crate::units::{Length, Size, Tolerance};
 use crate::work::WorkArgs;
 use brickfield_engine::analysis::BeadAttribute;
@@ -15,7 +15,7 @@ use std::str::FromStr;
 #[command(after_help = "\
 The mesh is closed, manifold and oriented: manifold dual contouring of w = ISO.
 
---check says of any mesh file how many edges and vertices are not those of a closed, oriented manifold. It counts pairs of \
+--check says of a mesh how many edges and vertices are not those of a closed, oriented manifold. It counts pairs of \
 triangles that meet elsewhere than in common edges and vertices. It tells volume, area, shells and genus. All of it is exact, \
 without tolerance.
 
@@ -29,8 +29,7 @@ Examples:
   brickfield mesh part.brf -o tight.stl --close 0.5mm --detail 1mm
   brickfield mesh --check part.stl")]
 pub struct MeshArgs {
-    /// The store; with --check and without -o the mesh to check: STL, OBJ, PLY
-    #[arg(value_name = "PART.brf|MESH")]
+    #[arg(value_name = "PART.brf|MESH", help = format!("The store; with --check and without -o the mesh to check: {}", mesh_formats()))]
     pub file: PathBuf,
     #[arg(long, short, value_name = "OUT", required_unless_present = "check",
         help = format!("The mesh to write; its ending decides the format: {}", listed_mesh_endings(", ")))]

@@ -147,8 +147,9 @@ impl BuildReport {
             lines.push(format!("  shard    {id}: {cubes}, {:.1}% of the work", 100.0 * work));
         }
         if let Some(ResumedBuild { nodes, part }) = &self.summary.resumed {
-            let of = format!("{nodes} nodes of an earlier run, about {:.0}% of the tree", 100.0 * part);
-            let alone = "walls, gaps and bodies that no sample shows are told of the bricks since then alone";
+            let of =
+                format!("{nodes} nodes of an earlier run, {:.0}% of the way through the tree", 100.0 * part);
+            let alone = "what is said of hidden walls, gaps and bodies covers the bricks of this run";
             lines.push(format!("  resumed  from {of}; {alone}"));
         }
         self.add_input(&mut lines);

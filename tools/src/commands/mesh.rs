@@ -6,10 +6,10 @@ use super::mesh_detail::{self, MeshDetail};
 use super::mesh_place::{self, MeshPlace, PlaceWish};
 use super::mesh_shells::{self, ShellChoice, Shells};
 use super::{of_store, open_store, require_level, start};
-use crate::args::{MeshArgs, MethodArg, OriginArg};
+use crate::args::{MeshArgs, MethodArg, OriginArg, mesh_formats};
 use crate::elsewhere::is_address;
 use crate::failure::Failure;
-use crate::kinds::not_a_store;
+use crate::kinds::{is_mesh_name, not_a_store};
 use crate::measured::measured;
 use crate::memory;
 use crate::output::{note, one_line, print, print_json, require_distinct, warn};
@@ -50,6 +50,10 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     mesh_shells::check(&args)?;
     if args.close.is_some() && !is_coarse && iso != BOUNDARY {
         return Err(Failure::Usage(format!("--iso {iso}: --close is of the boundary, where w = 0.5")));
+    }
+    if let Some(output) = args.output.as_ref().filter(|output| args.check && !is_mesh_name(output)) {
+        let what = format!("--check reads {}; write one of these", mesh_formats());
+        return Err(Failure::Usage(format!("{}: {what}", output.display())));
     }
     let bars = start(args.work)?;
     let Some(output) = &args.output else { return super::mesh_check::run(&args, &bars) };

@@ -151,7 +151,7 @@ impl Task {
         if let Some(ResumedBuild { nodes, part }) = &self.resumed {
             let percent = 100.0 * part;
             progress.note(&format!(
-                "going on from {nodes} nodes of an earlier run, about {percent:.0}% of the tree"
+                "going on from {nodes} nodes of an earlier run, {percent:.0}% of the way through the tree"
             ));
         }
         let kept = self.writer.kept();
