@@ -10,7 +10,7 @@
 use super::super::open::{ClusterTree, ConcurrentCache, LocalExpansion, MemorySize, local_bound};
 use super::dipole::Dipole;
 use super::far::{FarCluster, FarDipole, add_clusters, add_dipoles};
-use super::near::{NearPoints, SampleBox};
+use super::near::{NearPoints, SampleRegion};
 use crate::brick::POINTS;
 use crate::lattice::{BRICK_POINTS, NodeKey, ROOT_BITS, spacing_bits};
 use std::f64::consts::PI;
@@ -42,7 +42,7 @@ const ROUNDING_SHARE: f64 = 0.02;
 const BINS: usize = 128;
 
 /// log₂ of a cell's edge, and its number along each axis.
-type CellId = (u32, [u32; 3]);
+type CubeId = (u32, [u32; 3]);
 
 /// One cell.
 #[derive(Clone)]
@@ -61,7 +61,7 @@ struct CloudCell {
 /// The cells over a cloud.
 #[derive(Debug)]
 pub(super) struct CloudCells {
-    kept: ConcurrentCache<CellId, Arc<CloudCell>>,
+    kept: ConcurrentCache<CubeId, Arc<CloudCell>>,
     error: f64,
     /// log₂ of the distance of the finest samples.
     spacing: u32,
@@ -98,7 +98,7 @@ impl CloudCells {
     fn fill_cell(
         &self,
         tree: &ClusterTree<Dipole>,
-        (bits, place): CellId,
+        (bits, place): CubeId,
         key: NodeKey,
         near: &mut NearPoints,
         values: &mut [f64; POINTS],
@@ -125,7 +125,7 @@ impl CloudCells {
         let ways: [[f64; BRICK_POINTS]; 3] = [0, 1, 2].map(|a| {
             std::array::from_fn(|i| f64::from(base[a] + ((i as i32) << spacing) + 1) - cell.center[a])
         });
-        let samples = SampleBox { from, to };
+        let samples = SampleRegion { from, to };
         samples.fill(&cell.local, &ways, values);
         if !cell.near.is_empty() {
             let dipoles = cell.near.iter().map(|&e| &tree.elements()[e as usize]);
@@ -135,7 +135,7 @@ impl CloudCells {
     }
 
     /// A cell, or the final one that holds it.
-    fn cell(&self, tree: &ClusterTree<Dipole>, (bits, place): CellId) -> Arc<CloudCell> {
+    fn cell(&self, tree: &ClusterTree<Dipole>, (bits, place): CubeId) -> Arc<CloudCell> {
         let make = || {
             if bits == TOP_BITS {
                 return Arc::new(self.make(tree, None, (bits, place)));
@@ -150,7 +150,7 @@ impl CloudCells {
         &self,
         tree: &ClusterTree<Dipole>,
         above: Option<&CloudCell>,
-        (bits, place): CellId,
+        (bits, place): CubeId,
     ) -> CloudCell {
         // Half of the extent of the samples.
         let half = 0.5 * ((1u64 << bits) as f64 - (1u64 << self.spacing) as f64).max(0.0);

@@ -23,8 +23,8 @@ pub(super) struct FarCluster<'a> {
 /// Sums over dipoles of the derivatives of their fields, by order in z, y, x, those in z to the first.
 type DerivativeSums<S> = [[[f32x8<S>; C]; C]; 2];
 
-/// Derivatives of 1/r by order in z, y, x, those in z to the second, of some dipoles.
-type Derivatives<S> = [[[f32x8<S>; DEGREE + 1]; DEGREE + 1]; 3];
+/// NarrowDerivatives of 1/r by order in z, y, x, those in z to the second, of some dipoles.
+type NarrowDerivatives<S> = [[[f32x8<S>; DEGREE + 1]; DEGREE + 1]; 3];
 
 /// Adds dipoles to the polynomial of a cell, in which no sample is farther than `radius` from the middle.
 pub(super) fn add_dipoles(local: &mut LocalExpansion, dipoles: &[FarDipole], radius: f64) {
@@ -50,7 +50,7 @@ fn add_with<S: Simd, F, const N: usize>(
     let scale = 1.0 / radius;
     let zero = f32x8::splat(simd, 0.0);
     let mut sums: DerivativeSums<S> = [[[zero; C]; C]; 2];
-    let mut derivatives: Derivatives<S> = [[[zero; DEGREE + 1]; DEGREE + 1]; 3];
+    let mut derivatives: NarrowDerivatives<S> = [[[zero; DEGREE + 1]; DEGREE + 1]; 3];
     for some in all.chunks(LANES) {
         // Idle lanes have no moments.
         let mut way = [[1.0f32; LANES]; 3];
@@ -91,7 +91,7 @@ fn add_with<S: Simd, F, const N: usize>(
 
 /// n r² D_γ = −(2n − 1) Σ γ_i r_i D_{γ−e_i} − (n − 1) Σ γ_i (γ_i − 1) D_{γ−2e_i}, n = |γ|.
 #[inline(always)]
-fn derive<S: Simd>(simd: S, r: [f32x8<S>; 3], d: &mut Derivatives<S>) {
+fn derive<S: Simd>(simd: S, r: [f32x8<S>; 3], d: &mut NarrowDerivatives<S>) {
     let inverse = f32x8::splat(simd, 1.0) / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
     let zero = f32x8::splat(simd, 0.0);
     d[0][0][0] = inverse.sqrt();
@@ -131,7 +131,7 @@ fn derive<S: Simd>(simd: S, r: [f32x8<S>; 3], d: &mut Derivatives<S>) {
 fn contract<S: Simd, const N: usize>(
     simd: S,
     moments: &[[f32; LANES]; N],
-    d: &Derivatives<S>,
+    d: &NarrowDerivatives<S>,
     sums: &mut DerivativeSums<S>,
 ) {
     let mut moment = moments.iter();

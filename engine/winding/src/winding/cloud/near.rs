@@ -16,7 +16,7 @@ const LANES: usize = 8;
 const SUMMED: usize = 32;
 
 /// A box of a brick's samples: the first along each axis, and the first beyond.
-pub(super) struct SampleBox {
+pub(super) struct SampleRegion {
     pub from: [usize; 3],
     pub to: [usize; 3],
 }
@@ -40,7 +40,7 @@ pub(super) struct NearPoints {
     scale: f64,
 }
 
-impl SampleBox {
+impl SampleRegion {
     /// Sets all samples to the values of a polynomial; `ways` tell how far samples are from its centre.
     pub fn fill(&self, local: &LocalExpansion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
         dispatch!(level(), _simd => self.fill_with(local, ways, values));
@@ -48,7 +48,7 @@ impl SampleBox {
 
     #[inline(always)]
     fn fill_with(&self, local: &LocalExpansion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
-        let SampleBox { from, to } = *self;
+        let SampleRegion { from, to } = *self;
         let of_box: [&[f64]; 3] = std::array::from_fn(|axis| &ways[axis][from[axis]..to[axis]]);
         local.at_grid(
             of_box,
@@ -77,7 +77,7 @@ impl NearPoints {
     }
 
     /// Adds what the points give at some samples.
-    pub fn add(&self, samples: &SampleBox, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+    pub fn add(&self, samples: &SampleRegion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
         dispatch!(level(), simd => self.add_with(simd, samples, ways, values));
     }
 
@@ -85,11 +85,11 @@ impl NearPoints {
     fn add_with<S: Simd>(
         &self,
         simd: S,
-        samples: &SampleBox,
+        samples: &SampleRegion,
         ways: &[[f64; P]; 3],
         values: &mut [f64; POINTS],
     ) {
-        let SampleBox { from, to } = *samples;
+        let SampleRegion { from, to } = *samples;
         let mut at = [[0.0f32; LANES]; 3];
         let mut places = [0usize; LANES];
         let mut count = 0;
