@@ -18,8 +18,8 @@ use std::sync::Arc;
 
 /// log₂ of the edge of the cell that holds all samples, those of aprons too.
 const TOP_BITS: u32 = ROOT_BITS + 1;
-/// Points near a cell above which it is divided. This and the next shares were tuned on 100,000 points of a torus; a cell of
-/// 8³ samples has some tens of points left there, and half of a brick's time goes into clusters.
+/// Points near a cell above which it is divided. This and the next shares were tuned on 100,000 points of a torus, where a
+/// cell of 8³ samples has some tens of points left.
 const NEAR_MAX: u32 = 1000;
 /// Bytes of cells that are kept.
 const KEPT_BYTES: usize = 48 << 20;
@@ -35,8 +35,8 @@ const RATIO_MAX: f64 = 0.8;
 const FIRST_SHARE: f64 = 16.0;
 /// By how much that is lowered while the sum of bounds is too large.
 const LOWERED: f64 = 0.6;
-/// Share of the error that is left to rounding. Terms near a sample are off by less than 1e-6 of themselves each, and so are
-/// their sums: see [`NearPoints`]. A dipole adds at most 0.14, so that hundreds of points may be near where the error is 0.01.
+/// Share of the error that is left to rounding. Terms near a sample, and sums of 32 of them, are off by about 1e-6 of what
+/// the areas cover: see [`NearPoints`]. A ball covers at most 0.14, so that hundreds may be near where the error is 0.01.
 const ROUNDING_SHARE: f64 = 0.02;
 /// Classes of points by how near they are to a cell.
 const BINS: usize = 128;
