@@ -1,6 +1,8 @@
 //! Bricks of point clouds.
 
 use super::super::open::{OpenBrick, Shares, binary_places, fixed_point, least_bits};
+use super::cells::CloudCells;
+use super::near::NearPoints;
 use super::{CloudField, Surfels};
 use crate::brick::{Brick, POINTS, Samples};
 use crate::error::Result;
@@ -12,10 +14,15 @@ const CELLS_TO_SEE: i64 = 2;
 /// Fewest binary places of samples: normals of the surface come from their differences.
 const BITS_MIN: u8 = 10;
 
+/// The least error that sums in 32 bits keep.
+const SINGLE_ERROR: f64 = 1e-2;
+
 /// The field of a cloud as bricks see it.
 #[derive(Debug)]
 pub struct CloudBricks {
     field: CloudField,
+    /// For errors that allow sums in 32 bits.
+    cells: Option<CloudCells>,
     bits: u8,
     error: f64,
     least: u32,
@@ -34,6 +41,8 @@ pub struct CloudPiece {
 #[derive(Default)]
 pub struct CloudEvaluator {
     shares: Shares,
+    near: NearPoints,
+    values: Option<Box<[f64; POINTS]>>,
 }
 
 /// The samples of one brick.
@@ -49,7 +58,9 @@ impl CloudBricks {
     /// [`crate::error::Error::Setting`] if samples of 16 bits cannot be that exact.
     pub fn new(surfels: &Surfels, root: RootCube, error: f64, depth: u8) -> Result<CloudBricks> {
         let (bits, least) = (binary_places(error)?.max(BITS_MIN), least_bits(depth));
-        Ok(CloudBricks { field: CloudField::new(surfels, root), bits, error, least })
+        let exact = error - 0.5 / f64::from(1u32 << bits);
+        let cells = (error >= SINGLE_ERROR).then(|| CloudCells::new(exact, depth));
+        Ok(CloudBricks { field: CloudField::new(surfels, root), cells, bits, error, least })
     }
 
     /// The balls of all points.
@@ -71,9 +82,19 @@ impl CloudBricks {
         key: NodeKey,
         mut pieces: impl Iterator<Item = CloudPiece>,
     ) -> Result<CloudBrick> {
-        scratch.shares.find(&self.field.tree, (self.error, self.bits, self.least), key);
-        let shares = scratch.shares.values();
-        let samples = fixed_point(key, self.bits, (0..POINTS).map(|index| shares[index]))?;
+        let CloudEvaluator { shares, near, values } = scratch;
+        let sums = match &self.cells {
+            Some(cells) => {
+                let values = values.get_or_insert_with(|| Box::new([0.0; POINTS]));
+                cells.fill(&self.field.tree, key, near, values);
+                &**values
+            }
+            None => {
+                shares.find(&self.field.tree, (self.error, self.bits, self.least), key);
+                shares.values()
+            }
+        };
+        let samples = fixed_point(key, self.bits, sums.iter().copied())?;
         let has_details = pieces.any(|piece| !piece.is_seen_by(key));
         Ok(CloudBrick { smooth: OpenBrick::smooth(samples, key, self.error), has_details })
     }

@@ -48,6 +48,27 @@ impl Dipole {
         self.radius
     }
 
+    /// The way to it from a point.
+    pub(super) fn way_from(&self, p: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| self.position[a] - p[a])
+    }
+
+    /// Its area over 4π.
+    pub(super) fn view(&self) -> f64 {
+        self.area() / (4.0 * PI)
+    }
+
+    /// Its area vector over 4π.
+    pub(super) fn over_four_pi(&self) -> [f64; 3] {
+        self.area.map(|c| c / (4.0 * PI))
+    }
+
+    /// Position, area over 4π and radius about a centre, in units that are so many times larger.
+    pub(super) fn about(&self, center: [f64; 3], scale: f64) -> ([f64; 3], [f64; 3], f64) {
+        let position = std::array::from_fn(|a| (self.position[a] - center[a]) * scale);
+        (position, self.area.map(|c| c * (scale * scale / (4.0 * PI))), self.radius * scale)
+    }
+
     pub(super) fn seen_from(&self, p: [f64; 3]) -> f64 {
         let mut sums = [0.0; GROUP];
         self.add_to_group(&p.map(|c| [c; GROUP]), &mut sums);
@@ -71,6 +92,9 @@ impl Dipole {
 }
 
 impl SurfaceElement for Dipole {
+    /// Points are taken one by one where a cluster is too near.
+    const LEAF_ELEMENTS: usize = 8;
+
     fn position(&self) -> [f64; 3] {
         self.position
     }

@@ -2,7 +2,12 @@
 
 mod area;
 mod brick;
+mod cells;
+#[cfg(test)]
+mod cells_tests;
 mod dipole;
+mod far;
+mod near;
 mod nearest;
 mod normals;
 mod surfels;

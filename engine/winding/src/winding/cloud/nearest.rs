@@ -104,9 +104,13 @@ fn search(
 ) {
     let mut consider = |(q, number): &([f64; 3], u32)| {
         let squared = (0..3).map(|a| (q[a] - p[a]) * (q[a] - p[a])).sum();
-        found.push(Neighbour { squared, number: *number });
-        if found.len() > count {
-            found.pop();
+        let neighbour = Neighbour { squared, number: *number };
+        if found.len() < count {
+            found.push(neighbour);
+        } else if let Some(mut farthest) = found.peek_mut()
+            && neighbour < *farthest
+        {
+            *farthest = neighbour;
         }
     };
     if points.len() <= LEAF_POINTS {

@@ -214,6 +214,9 @@ impl DoubleDouble {
 }
 
 impl SurfaceElement for Cap {
+    /// An expansion costs about half as much as a solid angle.
+    const LEAF_ELEMENTS: usize = 2;
+
     fn position(&self) -> [f64; 3] {
         let [a, b, c] = self.vertices;
         std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0)

@@ -12,13 +12,13 @@ const PARTS: usize = 64;
 type Hasher = BuildHasherDefault<DefaultHasher>;
 
 /// Something whose memory is known.
-pub(super) trait MemorySize {
+pub(in crate::winding) trait MemorySize {
     /// Bytes taken, about.
     fn bytes(&self) -> usize;
 }
 
 /// Values by key. What a value is follows from its key, so forgetting one costs time and nothing else.
-pub(super) struct ConcurrentCache<K, V> {
+pub(in crate::winding) struct ConcurrentCache<K, V> {
     parts: Box<[Mutex<Part<K, V>>]>,
     part_bytes: usize,
 }

@@ -13,9 +13,9 @@ use super::wide::{Simd, SimdBase, SimdFloat, dispatch, each_of, f64x8, level};
 use std::f64::consts::PI;
 
 /// Moments and coefficients are used as far as their degrees add up to this.
-pub(super) const DEGREE: usize = 6;
+pub(in crate::winding) const DEGREE: usize = 6;
 /// Coefficients along an axis.
-const C: usize = DEGREE;
+pub(in crate::winding) const C: usize = DEGREE;
 /// Clusters translated at a time, which vectorises.
 pub(super) const LANES: usize = 8;
 /// Samples evaluated at a time.
@@ -25,7 +25,7 @@ pub const GROUP: usize = 8;
 type Derivatives<S> = [[[f64x8<S>; DEGREE + 1]; DEGREE + 1]; 3];
 
 /// The moments that count, by degree: orders in x, y, z.
-const MOMENTS: [&[[usize; 3]]; 3] = [
+pub(in crate::winding) const MOMENTS: [&[[usize; 3]]; 3] = [
     &[[1, 0, 0], [0, 1, 0], [0, 0, 1]],
     &[[2, 0, 0], [0, 2, 0], [1, 1, 0], [0, 1, 1], [1, 0, 1]],
     &[[3, 0, 0], [0, 3, 0], [2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 2, 1], [1, 1, 1]],
@@ -33,7 +33,7 @@ const MOMENTS: [&[[usize; 3]]; 3] = [
 
 /// A polynomial: coefficients by power of z, y, x, where these add up to less than [`DEGREE`].
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct LocalExpansion([[[f64; C]; C]; C]);
+pub(in crate::winding) struct LocalExpansion([[[f64; C]; C]; C]);
 
 impl Default for LocalExpansion {
     fn default() -> Self {
@@ -52,7 +52,7 @@ impl Default for LocalExpansion {
 ///
 /// Those with m ≤ 3 and n > N are, with s̄ the root of the mean of s² and q = (s̄ + t)/r, at most A/r² Σ_{n>N} n
 /// q^{n−1} = A/r² · q^N ((N + 1) − N q)/(1 − q)².
-pub(super) fn local_bound(reach: Reach, distance: f64, radius: f64) -> f64 {
+pub(in crate::winding) fn local_bound(reach: Reach, distance: f64, radius: f64) -> f64 {
     let q = (reach.spread + radius) / distance;
     // Beyond, the sums of bounds would lose too many digits.
     if q > 0.9 || distance == 0.0 {
@@ -88,13 +88,17 @@ impl LocalExpansion {
             }
             contract(simd, &moments, &derivatives(simd, &way), &mut sums);
         }
+        self.add_sums(&sums.map(|plane| plane.map(|row| row.map(|lanes| lanes.as_array().iter().sum()))));
+    }
+
+    /// Adds sums of derivatives by order in z, y, x, those in z to the first, from which all coefficients follow.
+    pub fn add_sums(&mut self, sums: &[[[f64; C]; C]; 2]) {
         let mut found = LocalExpansion::default();
         let mut factorial = [1.0; C];
         (1..C).for_each(|i| factorial[i] = factorial[i - 1] * i as f64);
         for (z, planes) in sums.iter().enumerate() {
             for (y, rows) in planes[..C - z].iter().enumerate() {
-                for (x, lanes) in rows[..C - z - y].iter().enumerate() {
-                    let sum: f64 = lanes.as_array().iter().sum();
+                for (x, sum) in rows[..C - z - y].iter().enumerate() {
                     let sign = if (x + y + z) % 2 == 0 { -1.0 } else { 1.0 };
                     found.0[z][y][x] = sign * sum / (factorial[x] * factorial[y]);
                 }

@@ -28,6 +28,8 @@ pub struct Reach {
 
 /// One oriented piece of surface.
 pub trait SurfaceElement: Copy + Send + Sync {
+    /// Elements of a cluster that is not divided.
+    const LEAF_ELEMENTS: usize;
     /// A point to sort by.
     fn position(&self) -> [f64; 3];
     /// Area in units².

@@ -6,12 +6,9 @@ use crate::lattice::Units;
 use std::f64::consts::PI;
 use std::ops::Range;
 
-/// Elements of a cluster that is not divided: an expansion costs about half as much as a solid angle.
-const LEAF_ELEMENTS: usize = 2;
-
 /// A cluster of neighbouring elements.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Cluster {
+pub(in crate::winding) struct Cluster {
     pub center: [f64; 3],
     pub reach: Reach,
     pub expansion: Expansion,
@@ -63,7 +60,7 @@ pub struct ClusterTree<E> {
 impl<E: SurfaceElement> ClusterTree<E> {
     /// Of any elements; the order matters to nothing but which of two equal ones comes first.
     pub fn new(mut elements: Vec<E>) -> ClusterTree<E> {
-        let mut clusters = vec![Cluster::default(); clusters_of(elements.len())];
+        let mut clusters = vec![Cluster::default(); clusters_of::<E>(elements.len())];
         if !elements.is_empty() {
             divide(&mut elements, 0, &mut clusters, 0);
         }
@@ -86,7 +83,7 @@ impl<E: SurfaceElement> ClusterTree<E> {
     }
 
     /// All clusters; the first holds everything.
-    pub(super) fn clusters(&self) -> &[Cluster] {
+    pub(in crate::winding) fn clusters(&self) -> &[Cluster] {
         &self.clusters
     }
 
@@ -99,11 +96,11 @@ impl<E: SurfaceElement> ClusterTree<E> {
 }
 
 /// Number of clusters over this many elements.
-fn clusters_of(elements: usize) -> usize {
+fn clusters_of<E: SurfaceElement>(elements: usize) -> usize {
     match elements {
         0 => 0,
-        1..=LEAF_ELEMENTS => 1,
-        n => 1 + clusters_of(n / 2) + clusters_of(n - n / 2),
+        n if n <= E::LEAF_ELEMENTS => 1,
+        n => 1 + clusters_of::<E>(n / 2) + clusters_of::<E>(n - n / 2),
     }
 }
 
@@ -112,7 +109,7 @@ fn clusters_of(elements: usize) -> usize {
 fn divide<E: SurfaceElement>(elements: &mut [E], first: u32, clusters: &mut [Cluster], number: u32) {
     let count = elements.len();
     let half = count / 2;
-    let second = if count > LEAF_ELEMENTS { number + 1 + clusters_of(half) as u32 } else { 0 };
+    let second = if count > E::LEAF_ELEMENTS { number + 1 + clusters_of::<E>(half) as u32 } else { 0 };
     if second != 0 {
         let axis = longest_axis(elements);
         let key = |e: &E| e.position();

@@ -1,0 +1,156 @@
+//! Samples of bricks against the sum over all dipoles.
+
+use super::super::open::{Shares, least_bits};
+use super::cells::CloudCells;
+use super::near::NearPoints;
+use super::*;
+use crate::brick::POINTS;
+use crate::lattice::{BRICK_POINTS, NodeKey, ROOT_BITS, Units};
+use crate::progress::Silent;
+use crate::soup::PointCloud;
+use brickfield_bench_data::Rng;
+use std::f64::consts::TAU;
+use std::time::Instant;
+
+/// Points scattered over a torus with radii of 10 and 4, and its normals.
+fn torus(count: usize, seed: u64) -> PointCloud {
+    let mut rng = Rng::new(seed);
+    let mut cloud = PointCloud::default();
+    while cloud.points.len() < count {
+        let (u, v) = (rng.range(0.0, TAU), rng.range(0.0, TAU));
+        if rng.range(0.0, 14.0) < 10.0 + 4.0 * v.cos() {
+            let way = [u.cos() * v.cos(), u.sin() * v.cos(), v.sin()];
+            let ring = [10.0 * u.cos(), 10.0 * u.sin(), 0.0];
+            cloud.points.push(std::array::from_fn(|a| ring[a] + 4.0 * way[a]));
+            cloud.normals.push(way);
+        }
+    }
+    cloud
+}
+
+fn field_of(cloud: &PointCloud) -> CloudField {
+    let surfels = Surfels::of(cloud, &Silent).unwrap();
+    let (min, max) = surfels.bounds();
+    CloudField::new(&surfels, RootCube::around(min, max).unwrap())
+}
+
+fn position(key: NodeKey, index: usize) -> Units {
+    let ijk =
+        [index % BRICK_POINTS, index / BRICK_POINTS % BRICK_POINTS, index / BRICK_POINTS / BRICK_POINTS];
+    std::array::from_fn(|a| key.base()[a] + ((ijk[a] as i32) << key.spacing_bits()) + 1)
+}
+
+fn keys(level: u8) -> impl Iterator<Item = NodeKey> {
+    (0..1u64 << (3 * level)).map(move |n| NodeKey::from_code(1 << (3 * level) | n).unwrap())
+}
+
+struct Filled {
+    near: NearPoints,
+    values: Box<[f64; POINTS]>,
+}
+
+impl Filled {
+    fn new() -> Filled {
+        Filled { near: NearPoints::default(), values: Box::new([0.0; POINTS]) }
+    }
+
+    fn of(&mut self, cells: &CloudCells, field: &CloudField, key: NodeKey) -> &[f64; POINTS] {
+        self.values.fill(f64::NAN);
+        cells.fill(&field.tree, key, &mut self.near, &mut self.values);
+        &self.values
+    }
+}
+
+/// Dense and sparse samples, coarse and fine bricks, clouds of one and of several densities, and few points.
+#[test]
+fn samples_are_within_the_bound_of_the_whole_sum() {
+    let mut uneven = torus(3000, 2);
+    let dense = torus(3000, 3);
+    uneven.points.extend(dense.points.iter().map(|p| p.map(|c| 0.1 * c + 3.0)));
+    uneven.normals.extend(dense.normals);
+    uneven.points.push([30.0, 20.0, 10.0]);
+    uneven.normals.push([0.0, 0.6, 0.8]);
+    let mut rng = Rng::new(7);
+    for (cloud, depth) in [(torus(3000, 1), 2), (torus(3000, 1), 0), (uneven, 3), (torus(60, 4), 3)] {
+        let field = field_of(&cloud);
+        for error in [0.2, 0.05, 0.005] {
+            let cells = CloudCells::new(error, depth);
+            let mut filled = Filled::new();
+            let mut worst = 0.0f64;
+            for level in 0..=depth {
+                let some = 1 + rng.below(1 << (3 * level));
+                for key in keys(level).step_by(some as usize).take(4) {
+                    let values = filled.of(&cells, &field, key);
+                    for _ in 0..150 {
+                        let index = rng.below(POINTS as u32) as usize;
+                        let exact = field.tree.exact_at(position(key, index));
+                        worst = worst.max((values[index] - exact).abs());
+                    }
+                }
+            }
+            println!("{} points, depth {depth}, asked for {error}: {worst:.1e}", cloud.points.len());
+            assert!(worst <= error, "{worst} {error}");
+        }
+    }
+}
+
+/// A sample has one value, whatever brick holds it, in whatever order bricks are asked for.
+#[test]
+fn bricks_agree_on_samples_to_the_last_bit() {
+    let field = field_of(&torus(4000, 5));
+    let error = 0.02;
+    let cells = CloudCells::new(error, 2);
+    let mut known = std::collections::HashMap::new();
+    let mut filled = Filled::new();
+    for level in [2, 0, 1] {
+        for key in keys(level) {
+            let fresh = CloudCells::new(error, 2);
+            let cells = if level == 1 { &fresh } else { &cells };
+            let values = filled.of(cells, &field, key);
+            // Every third, so that the aprons of most bricks are met.
+            for index in (0..POINTS).filter(|index| index % 3 == 0 || index % BRICK_POINTS == 32) {
+                let value = values[index].to_bits();
+                assert!(*known.entry(position(key, index)).or_insert(value) == value);
+            }
+        }
+    }
+}
+
+/// Time a brick: run with `cargo test --release -p brickfield-winding --lib time_of_bricks -- --ignored --nocapture`.
+#[test]
+#[ignore = "figures"]
+fn time_of_bricks() {
+    let (count, depth) = (100_000, 4);
+    let start = Instant::now();
+    let surfels = Surfels::of(&torus(count, 5), &Silent).unwrap();
+    println!("areas: {:.2} s", start.elapsed().as_secs_f64());
+    let (min, max) = surfels.bounds();
+    let root = RootCube::around(min, max).unwrap();
+    let start = Instant::now();
+    let field = CloudField::new(&surfels, root);
+    println!("clusters: {:.2} s", start.elapsed().as_secs_f64());
+    let size = 1 << (ROOT_BITS - u32::from(depth));
+    let is_touched = |key: &NodeKey| {
+        let low = key.base().map(f64::from);
+        field
+            .tree
+            .elements()
+            .iter()
+            .any(|d| (0..3).all(|a| (0.0..f64::from(size)).contains(&(f64::from(d.at()[a]) - low[a]))))
+    };
+    let touched: Vec<NodeKey> = keys(depth).step_by(29).filter(is_touched).collect();
+    for error in [0.05, 0.2, 0.01] {
+        let cells = CloudCells::new(error, depth);
+        let mut filled = Filled::new();
+        let start = Instant::now();
+        touched.iter().for_each(|key| assert!(filled.of(&cells, &field, *key)[0].is_finite()));
+        let ms = start.elapsed().as_secs_f64() * 1e3 / touched.len() as f64;
+        println!("error {error}: {ms:.2} ms for each of {} bricks", touched.len());
+        let mut shares = Shares::default();
+        let start = Instant::now();
+        let some = &touched[..touched.len().min(10)];
+        some.iter().for_each(|key| shares.find(&field.tree, (error, 10, least_bits(depth)), *key));
+        let ms = start.elapsed().as_secs_f64() * 1e3 / some.len() as f64;
+        println!("  by the cells of open soups: {ms:.2} ms");
+    }
+}

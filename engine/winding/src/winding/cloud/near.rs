@@ -1,0 +1,143 @@
+//! Dipoles near some samples, seen from each of them: in vectors of eight samples, in 32 bits.
+//!
+//! A sample's sum has the same bits whatever seven it shares a vector with.
+
+use super::super::open::LocalExpansion;
+use super::dipole::Dipole;
+use crate::brick::POINTS;
+use crate::lattice::BRICK_POINTS;
+use crate::wide::{Select, Simd, SimdBase, SimdFloat, dispatch, f32x8, f64x8, level, widened};
+
+/// Samples along a row of a brick.
+const P: usize = BRICK_POINTS;
+/// Samples at a time.
+const LANES: usize = 8;
+/// Points whose sum has 32 bits: longer sums would lose more than their terms.
+const SUMMED: usize = 32;
+
+/// A box of a brick's samples: the first along each axis, and the first beyond.
+pub(super) struct SampleRegion {
+    pub from: [usize; 3],
+    pub to: [usize; 3],
+}
+
+/// A dipole about the middle of a cell, in units of the finest samples' distance.
+#[derive(Clone, Copy, Debug, Default)]
+struct NearPoint {
+    position: [f32; 3],
+    /// Area over 4π.
+    area: [f32; 3],
+    /// Radius of the ball, squared.
+    ball: f32,
+    /// Within the ball, less the squared distance times the second.
+    within: [f32; 2],
+}
+
+/// Points near a cell.
+#[derive(Debug, Default)]
+pub(super) struct NearPoints {
+    points: Vec<NearPoint>,
+    scale: f64,
+}
+
+impl SampleRegion {
+    /// Sets all samples to the values of a polynomial; `ways` tell how far samples are from its centre.
+    pub fn fill(&self, local: &LocalExpansion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+        dispatch!(level(), _simd => self.fill_with(local, ways, values));
+    }
+
+    #[inline(always)]
+    fn fill_with(&self, local: &LocalExpansion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+        let SampleRegion { from, to } = *self;
+        let of_box: [&[f64]; 3] = std::array::from_fn(|axis| &ways[axis][from[axis]..to[axis]]);
+        local.at_grid(
+            of_box,
+            |j, k| (((from[2] + k) * P + from[1] + j) * P + from[0], to[0] - from[0]),
+            values,
+        );
+    }
+}
+
+impl NearPoints {
+    /// Takes some dipoles in place of others.
+    pub fn gather<'a>(&mut self, dipoles: impl Iterator<Item = &'a Dipole>, center: [f64; 3], spacing: u32) {
+        self.scale = 1.0 / (1u64 << spacing) as f64;
+        let scale = self.scale;
+        self.points.clear();
+        self.points.extend(dipoles.map(|dipole| {
+            let (position, area, radius) = dipole.about(center, scale);
+            let ball = radius * radius;
+            NearPoint {
+                position: position.map(|c| c as f32),
+                area: area.map(|c| c as f32),
+                ball: ball as f32,
+                within: [2.5 / (ball * radius), 1.5 / (ball * ball * radius)].map(|c| c as f32),
+            }
+        }));
+    }
+
+    /// Adds what the points give at some samples.
+    pub fn add(&self, samples: &SampleRegion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+        dispatch!(level(), simd => self.add_with(simd, samples, ways, values));
+    }
+
+    #[inline(always)]
+    fn add_with<S: Simd>(
+        &self,
+        simd: S,
+        samples: &SampleRegion,
+        ways: &[[f64; P]; 3],
+        values: &mut [f64; POINTS],
+    ) {
+        let SampleRegion { from, to } = *samples;
+        let mut at = [[0.0f32; LANES]; 3];
+        let mut places = [0usize; LANES];
+        let mut count = 0;
+        for k in from[2]..to[2] {
+            for j in from[1]..to[1] {
+                for i in from[0]..to[0] {
+                    places[count] = (k * P + j) * P + i;
+                    for (axis, number) in [i, j, k].into_iter().enumerate() {
+                        at[axis][count] = (ways[axis][number] * self.scale) as f32;
+                    }
+                    count += 1;
+                    if count == LANES {
+                        let sums = self.seen_from(simd, &at);
+                        places.iter().zip(sums).for_each(|(&place, sum)| values[place] += sum);
+                        count = 0;
+                    }
+                }
+            }
+        }
+        if count > 0 {
+            let sums = self.seen_from(simd, &at);
+            places[..count].iter().zip(sums).for_each(|(&place, sum)| values[place] += sum);
+        }
+    }
+
+    #[inline(always)]
+    fn seen_from<S: Simd>(&self, simd: S, at: &[[f32; LANES]; 3]) -> [f64; LANES] {
+        let [x, y, z] = [
+            f32x8::from_slice(simd, &at[0]),
+            f32x8::from_slice(simd, &at[1]),
+            f32x8::from_slice(simd, &at[2]),
+        ];
+        let mut sums = f64x8::splat(simd, 0.0);
+        for points in self.points.chunks(SUMMED) {
+            let mut sum = f32x8::splat(simd, 0.0);
+            for point in points {
+                let dx = f32x8::splat(simd, point.position[0]) - x;
+                let dy = f32x8::splat(simd, point.position[1]) - y;
+                let dz = f32x8::splat(simd, point.position[2]) - z;
+                let squared = dx * dx + (dy * dy + dz * dz);
+                let along = dx * point.area[0] + (dy * point.area[1] + dz * point.area[2]);
+                let beyond = along / (squared * squared.sqrt());
+                let within = along * (f32x8::splat(simd, point.within[0]) - squared * point.within[1]);
+                let is_within = squared.simd_lt(f32x8::splat(simd, point.ball));
+                sum += is_within.select(within, beyond);
+            }
+            sums += widened(simd, sum);
+        }
+        sums.into()
+    }
+}
