@@ -27,7 +27,8 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, Callable, Iterable, Sequence, Union
 
-from . import Error, Octree, PathLike, open as open_store, run
+from . import Error, Octree, open as open_store, run
+from ._program import PathLike, options_of
 
 __all__ = ["build"]
 
@@ -58,18 +59,6 @@ def _build_shard(arguments: Sequence[str]) -> str:
         if _HELD not in what or time.monotonic() > until:
             return what
         time.sleep(0.5)
-
-
-def _options(settings: dict[str, Any]) -> list[str]:
-    """Settings as the program's options: ``depth=4``, ``identity=True``, ``boundary_error="0.1mm"``."""
-    options: list[str] = []
-    for name, value in settings.items():
-        option = "--" + name.replace("_", "-")
-        if value is True:
-            options.append(option)
-        elif value is not None and value is not False:
-            options += [option, str(value)]
-    return options
 
 
 def _workers(client: Any) -> int:
@@ -155,7 +144,7 @@ def build(
     out = Path(out).resolve()
     place = Path(folder).resolve() if folder is not None else out.with_name(out.name + ".shards")
     count = shards or 2 * max(1, _workers(client))
-    options = _options(settings)
+    options = options_of(settings)
     build_of = {
         "inputs": [[str(file), file.stat().st_size, file.stat().st_mtime_ns] for file in files if file.exists()],
         "options": sorted(map(str, options)),
@@ -168,7 +157,7 @@ def build(
         planned = place / "part.plan"
         command = ["build", *map(str, files), "-o", str(planned), "--plan", "--quiet", "--threads", str(threads), *options]
         _make_plan(client, planned, command, retries)
-        files, options = [planned], _options({name: settings[name] for name in _RESOURCES & settings.keys()})
+        files, options = [planned], options_of({name: settings[name] for name in _RESOURCES & settings.keys()})
     wanted = {
         number: ["build", *map(str, files), "-o", str(shard(number)), "--shard", f"{number}/{count}", "--quiet"]
         + ["--threads", str(threads), *options]
