@@ -5,7 +5,8 @@
 
 Needs the package, whose `brickfield` the jobs run, and Debian's slurmctld, slurmd, slurm-client and munge: root installs
 those that are missing. The daemons run from a temporary folder, on ports of their own, and end with this script. One task is
-requeued while it builds its shard, the program of another is killed and the task requeued. Compares the joined store with one
+requeued while it builds its shard, the program of another is killed and the task requeued; for their sake shards commit every
+half second, not every ten. Compares the joined store with one
 build, byte by byte, and prints seconds. Where Slurm cannot be had, says why and ends with status 77.
 """
 
@@ -24,7 +25,7 @@ from pathlib import Path
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "many-machines.md"
 PACKAGES = ["slurmctld", "slurmd", "slurm-client", "munge"]
 #: Slurm holds a requeued task back for two minutes, so that its node may be cleaned.
-LIMIT = 900
+LIMIT = 600
 NOT_TRIED = 77
 
 #: A node with more processors than the machine may have, whose processes are told by their parents alone: no control groups.
@@ -132,12 +133,13 @@ class Cluster:
 
 
 def commands(page, depth):
-    """The commands of the page's section on Slurm, at another depth."""
+    """The jobs of the page's section on Slurm, at another depth, and what it says to do when a task had failed."""
     section = page.split("## Slurm\n")[1].split("\n## ")[0]
     lines = [line.strip() for line in section.splitlines() if line.startswith("    ")]
-    if len(lines) < 3:
+    if len(lines) < 4:
         sys.exit(f"{PAGE}: no jobs in the section on Slurm")
-    return [re.sub(r"--depth \d+", f"--depth {depth}", line) for line in lines]
+    lines = [re.sub(r"--depth \d+", f"--depth {depth}", line) for line in lines]
+    return [line.replace("--shard ", "--commit-every 0.5 --shard ") for line in lines]
 
 
 def said(*command, **more):
@@ -159,12 +161,15 @@ def builders(shard):
 
 
 def disturb(work, tasks, until):
-    """Requeues a task that builds, and kills the program of another one."""
-    begun = lambda shard: (work / f"part-{shard}.brf.part").exists() and builders(shard)
-    waiting = {2: "requeue", 3: "kill"}
+    """Requeues a task that builds, and kills the program of another one, both when they have committed something."""
+    waiting, begun = {2: "requeue", 3: "kill"}, {}
     while waiting and time.time() < until:
         time.sleep(0.01)
-        for shard in [shard for shard in waiting if begun(shard)]:
+        for shard in list(waiting):
+            if not (work / f"part-{shard}.brf.part").exists():
+                continue
+            if time.time() < begun.setdefault(shard, time.time()) + 2:
+                continue
             if waiting.pop(shard) == "requeue":
                 said("scontrol", "requeue", f"{tasks}_{shard}")
                 print(f"  task {shard} requeued while it built its shard")
@@ -185,18 +190,29 @@ def settle(task, state, until):
 
 
 def jobs(work, depth):
-    """Submits the jobs of the page, disturbs two tasks, and waits for the store."""
-    script = "\n".join(["set -eu", *commands(PAGE.read_text(), depth), "echo $SHARDS"])
-    tasks = said("bash", "-c", script, cwd=work).split()[-1]
+    """Submits the jobs of the page, disturbs two tasks, and waits for the store. Returns the tasks that went on."""
+    submits = commands(PAGE.read_text(), depth)
+    again = [line for line in submits if line.startswith("scontrol update")]
+    script = "\n".join(["set -eu", *submits[:3], "echo $shards $merge"])
+    tasks, merge = said("bash", "-c", script, cwd=work).split()
     until = time.time() + LIMIT
     disturb(work, tasks, until)
     for shard in (2, 3):
         said("scontrol", "update", f"JobId={tasks}_{shard}", "StartTime=now")
-    while said("squeue", "-h", "-r").strip():
+    wait_for_no(lambda job: job != merge, until)
+    # One of the tasks had failed, so the merge waits for ever.
+    said("bash", "-c", again[0], env={**os.environ, "merge": merge})
+    wait_for_no(lambda job: True, until)
+    went_on = lambda shard: "resumed" in (work / f"slurm-{tasks}_{shard}.out").read_text()
+    return [shard for shard in range(1, 9) if went_on(shard)]
+
+
+def wait_for_no(job, until):
+    """Waits until no job like that is left in the queue."""
+    while any(job(line) for line in said("squeue", "-h", "-r", "-o", "%i").split()):
         if time.time() > until:
             sys.exit("the jobs did not end:\n" + said("squeue", "-r"))
         time.sleep(0.1)
-    return [shard for shard in (2, 3) if "resumed" in "".join(log.read_text() for log in work.glob(f"slurm-{tasks}_{shard}.out"))]
 
 
 def main():
@@ -206,6 +222,8 @@ def main():
     args = parser.parse_args()
     # The program of the package in front of any other.
     os.environ["PATH"] = f"{Path(sys.executable).parent}:{os.environ['PATH']}:/usr/sbin"
+    # So that the daemons end, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     install()
     print(said("slurmctld", "-V").strip())
     with tempfile.TemporaryDirectory() as name:
@@ -220,6 +238,8 @@ def main():
             begun = time.time()
             resumed = jobs(work, args.depth)
             print(f"jobs: {time.time() - begun:.1f} s; tasks {resumed} went on from what they had")
+            if resumed != [2, 3]:
+                sys.exit("tasks 2 and 3 should have")
         logs = "".join(log.read_text() for log in sorted(work.glob("slurm-*.out")))
         if not (work / "part.brf").exists():
             sys.exit("there is no store:\n" + logs)

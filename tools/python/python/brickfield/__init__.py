@@ -11,7 +11,6 @@ array([1., 0.], dtype=float32)
 
 from __future__ import annotations
 
-import builtins
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Sequence, Union, overload
@@ -180,7 +179,7 @@ class Octree:
         if normals:
             raise Error("a mesh has normals or attributes; ask for one of them")
         options = options_of({"iso": iso, "tolerance": tolerance, "level": level})
-        command = ["mesh", self._store(), *options, "--attributes", ",".join(attributes)]
+        command: list[PathLike] = ["mesh", self._store(), *options, "--attributes", ",".join(attributes)]
         vertices, faces, lines = mesh_of(*command, progress=progress)
         found = {name: faces[name].copy() for name in attributes}
         if "feature" in found:
@@ -333,13 +332,17 @@ def build(
     >>> build((VERTICES, TRIANGLES), depth=1).range
     (0, 1)
     """
-    all = inputs if isinstance(inputs, list) else [inputs]
+    items = inputs if isinstance(inputs, list) else [inputs]
     settings: dict[str, Any] = {
         "depth": depth, "max_depth": max_depth, "cell": cell, "boundary_error": boundary_error, "stddev": stddev,
         "gwn_error": gwn_error, "memory": memory, "threads": threads, "identity": identity, "restart": restart, "unit": unit,
     }
     if options or isinstance(cell, str) or isinstance(boundary_error, str):
-        return _build_by_program(all, out, {**settings, **options}, progress)
+        asked = [*options, *(name for name in ("cell", "boundary_error") if isinstance(settings[name], str))]
+        if out is None or any(not isinstance(item, (str, os.PathLike)) for item in items):
+            raise Error(f"{', '.join(asked)}: for files that are built to a store; give paths and out, and lengths as numbers")
+        run("build", *items, "-o", out, *options_of({**settings, **options}), progress=progress)
+        return open(out)
 
     def one(item: Any) -> Any:
         if isinstance(item, (str, os.PathLike)):
@@ -349,17 +352,7 @@ def build(
         return (_floats(first), _floats(second) if second.dtype.kind == "f" else second)
 
     path = None if out is None else os.fspath(out)
-    return Octree(_brickfield.build([one(item) for item in all], path, {**settings, "memory": _bytes(memory)}, progress))
-
-
-def _build_by_program(
-    inputs: list[Any], out: PathLike | None, settings: dict[str, Any], progress: Progress | None
-) -> Octree:
-    named = ", ".join(name for name, value in settings.items() if value is not None and value is not False)
-    if out is None or not builtins.all(isinstance(item, (str, os.PathLike)) for item in inputs):
-        raise Error(f"one of {named} is for files that are built to a store; give paths and out, and lengths as numbers")
-    run("build", *inputs, "-o", out, *options_of(settings), progress=progress)
-    return open(out)
+    return Octree(_brickfield.build([one(item) for item in items], path, {**settings, "memory": _bytes(memory)}, progress))
 
 
 def _bytes(size: int | str | None) -> int | None:

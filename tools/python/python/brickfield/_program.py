@@ -36,7 +36,7 @@ def run(*arguments: str | PathLike, progress: Progress | None = None) -> dict[st
     ...
     brickfield.Error: missing.brf: cannot open: ...
     """
-    command = [sys.executable, "-m", "brickfield", *map(os.fspath, arguments), "--json"]
+    command = [sys.executable, "-m", "brickfield", *(os.fspath(argument) for argument in arguments), "--json"]
     if progress is not None:
         command += ["--progress", "json"]
     lines = []

@@ -25,7 +25,7 @@ import sys
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, Callable, Iterable, Sequence, Union
+from typing import Any, Callable, Iterable, Iterator, Sequence, Union
 
 from . import Error, Octree, open as open_store, run
 from ._program import PathLike, options_of
@@ -80,7 +80,7 @@ def _results(client: Any, shards: dict[int, list[str]], retries: int) -> Iterabl
         }
         for future in dask_completed(futures):
             error = future.exception() if future.status != "finished" else None
-            yield futures[future], future.result() if error is None else str(error)
+            yield futures[future], future.result() if error is None else f"{future.status}: {error}".splitlines()[0]
         return
     if hasattr(client, "cluster_resources"):
         remote = client.remote(max_retries=retries, retry_exceptions=True)(_build_shard)
@@ -98,7 +98,7 @@ def _results(client: Any, shards: dict[int, list[str]], retries: int) -> Iterabl
     }
     for future in as_completed(pending):
         failure = future.exception()
-        yield pending[future], future.result() if failure is None else str(failure)
+        yield pending[future], future.result() if failure is None else str(failure).splitlines()[0]
 
 
 def _is_finished(shard: Path) -> bool:
@@ -165,7 +165,8 @@ def build(
         if not _is_finished(shard(number))
     }
     finished, failed = count - len(wanted), {}
-    for number, what in _results(client, wanted, retries):
+    kept = lambda: f"{finished} of {count} shards are kept in {place}"
+    for number, what in _answered(client, wanted, retries, kept):
         if what:
             failed[number] = what
             continue
@@ -174,19 +175,47 @@ def build(
             progress(finished, count)
     if failed:
         number = min(failed)
-        kept = f"{finished} of {count} shards are kept in {place}"
-        raise Error(f"shard {number} of {count}: {failed[number]} ({kept})", "program", str(shard(number)))
-    out.unlink(missing_ok=True)
-    run("cache", "merge", *map(shard, range(1, count + 1)), "-o", out)
+        raise Error(f"shard {number} of {count}: {failed[number]} ({kept()})", "program", str(shard(number)))
+    _merge([shard(number) for number in range(1, count + 1)], out)
     shutil.rmtree(place)
     return open_store(out)
+
+
+def _answered(client: Any, shards: dict[int, list[str]], retries: int, kept: Callable[[], str]) -> Iterator[tuple[int, str]]:
+    """As `_results`; a client that is cut off is an error that says what there is."""
+    results = iter(_results(client, shards, retries))
+    while True:
+        try:
+            result = next(results)
+        except StopIteration:
+            return
+        except Exception as error:
+            what = f"{type(error).__name__} {error}".strip().splitlines()[0]
+            raise Error(f"the client does not answer: {what}; call again with another one ({kept()})", "program") from error
+        yield result
+
+
+def _merge(shards: list[Path], out: Path) -> None:
+    """Joins the shards. Damaged ones are removed, so that the next call builds them."""
+    out.unlink(missing_ok=True)
+    try:
+        run("cache", "merge", *shards, "-o", out)
+    except Error as error:
+        for number, shard in enumerate(shards, 1):
+            try:
+                run("verify", shard)
+            except Error as damage:
+                shard.unlink(missing_ok=True)
+                what = f"shard {number} of {len(shards)}: {damage}; it is removed, the same call builds it again"
+                raise Error(what, "program", str(shard)) from error
+        raise
 
 
 def _make_plan(client: Any, planned: Path, command: list[str], retries: int) -> None:
     """Makes a plan on a worker, unless an earlier call has left it."""
     if planned.exists():
         return
-    for _, what in _results(client, {0: command}, retries):
+    for _, what in _answered(client, {0: command}, retries, lambda: "there is no plan yet"):
         if what:
             raise Error(f"the plan: {what}", "program", str(planned))
 
