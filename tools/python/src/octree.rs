@@ -5,9 +5,9 @@ use crate::work::{failed, run};
 use brickfield_engine::analysis::{BrickBlock, covering, sample_at, winding_range};
 use brickfield_engine::build::ThinDepth;
 use brickfield_engine::contour::{ContourOptions, MeshArrays, MeshSink, MeshTriangle, contour};
-use brickfield_engine::lattice::BRICK_CELLS;
+use brickfield_engine::lattice::{BRICK_CELLS, NodeKey};
 use brickfield_engine::store::BrickTree;
-use brickfield_engine::{Axis, Builder, Error, Result};
+use brickfield_engine::{Axis, Builder, Error, Progress, Result};
 use brickfield_terminal::memory::available;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2};
@@ -191,14 +191,7 @@ impl Octree {
         points: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let points = rows(&points)?;
-        let values = run(py, None, |progress| {
-            let of_part = |part: &[[f64; 3]]| -> Result<Vec<f32>> {
-                progress.check()?;
-                Ok(sample_at(self.octree.tree(), part)?.into_iter().map(|w| w as f32).collect())
-            };
-            let parts = points.par_chunks(POINTS_AT_ONCE).map(of_part).collect::<Result<Vec<_>>>()?;
-            Ok(parts.concat())
-        })?;
+        let values = run(py, None, |progress| sample_in_order(self.octree.tree(), &points, progress))?;
         Ok(values.into_pyarray(py))
     }
 
@@ -301,6 +294,28 @@ impl Octree {
         let pixels = run(py, None, |_| picture(|path| self.octree.write_picture(path, view)))?;
         Ok(pixels.into_pyarray(py))
     }
+}
+
+/// w at points. They are asked in the order of the bricks that they lie in: each brick is read once, where scattered points
+/// would read one each.
+fn sample_in_order(tree: &dyn BrickTree, points: &[[f64; 3]], progress: &dyn Progress) -> Result<Vec<f32>> {
+    let (root, depth) = (tree.root(), tree.deepest_level());
+    let brick = |point: &[f64; 3]| {
+        NodeKey::deepest_holding(root.from_first_sample(*point)).and_then(|key| key.ancestor(depth))
+    };
+    let mut order: Vec<(Option<NodeKey>, usize)> =
+        points.par_iter().enumerate().map(|(number, point)| (brick(point), number)).collect();
+    order.par_sort_unstable();
+    let of_part = |part: &[(Option<NodeKey>, usize)]| -> Result<Vec<f64>> {
+        progress.check()?;
+        sample_at(tree, &part.iter().map(|&(_, number)| points[number]).collect::<Vec<_>>())
+    };
+    let parts = order.par_chunks(POINTS_AT_ONCE).map(of_part).collect::<Result<Vec<_>>>()?;
+    let mut values = vec![0.0; points.len()];
+    for (&(_, number), w) in order.iter().zip(parts.into_iter().flatten()) {
+        values[number] = w as f32;
+    }
+    Ok(values)
 }
 
 /// A mesh with the outward unit normals of its vertices.
