@@ -310,7 +310,7 @@ class Shards(unittest.TestCase):
             (place / "shard-1-of-3.brf").unlink()
             second = place / "shard-2-of-3.brf"
             damaged = bytearray(second.read_bytes())
-            damaged[len(damaged) // 3] ^= 1
+            damaged[len(damaged) // 2] ^= 1
             second.write_bytes(damaged)
             with self.assertRaisesRegex(brickfield.Error, "shard 2 of 3: .*it is removed") as caught:
                 brickfield.distributed.build(source, out, **settings)

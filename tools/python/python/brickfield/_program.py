@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 PathLike = Union[str, "os.PathLike[str]"]
 Progress = Callable[[str, int, Union[int, None]], None]
 
+#: The command that runs the program.
+PROGRAM = [sys.executable, str(Path(__file__).with_name("__main__.py"))]
+
 #: Types of numbers in PLY files.
 _PLY_TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "uchar": "u1"}
 
@@ -36,7 +39,7 @@ def run(*arguments: str | PathLike, progress: Progress | None = None) -> dict[st
     ...
     brickfield.Error: missing.brf: cannot open: ...
     """
-    command = [sys.executable, "-m", "brickfield", *(os.fspath(argument) for argument in arguments), "--json"]
+    command = [*PROGRAM, *(os.fspath(argument) for argument in arguments), "--json"]
     if progress is not None:
         command += ["--progress", "json"]
     lines = []

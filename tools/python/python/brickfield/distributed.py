@@ -21,14 +21,13 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, Callable, Iterable, Iterator, Sequence, Union
 
 from . import Error, Octree, open as open_store, run
-from ._program import PathLike, options_of
+from ._program import PROGRAM, PathLike, options_of
 
 __all__ = ["build"]
 
@@ -50,7 +49,7 @@ def _build_shard(arguments: Sequence[str]) -> str:
     """Runs the program on a worker and returns what went wrong, or nothing."""
     until = time.monotonic() + _WAIT
     while True:
-        command = [sys.executable, "-m", "brickfield", *arguments]
+        command = [*PROGRAM, *arguments]
         done = subprocess.run(command, capture_output=True, text=True, preexec_fn=_end_with_parent)
         told = done.stderr.strip().splitlines()
         if done.returncode == 0:
