@@ -13,7 +13,8 @@ use std::process::{Command, Stdio};
 /// Words of commands that need what a test has not: a window, a device, a server, a batch system, another program.
 const NOT_RUN: [&str; 5] = ["brickfield view", "--backend vulkan", "https://", "sbatch ", "parallel "];
 /// Words with which commands begin.
-const BEGINNINGS: [&str; 6] = ["brickfield ", "echo ", "seq ", "timeout ", "parallel ", "sbatch "];
+const BEGINNINGS: [&str; 9] =
+    ["brickfield ", "echo ", "seq ", "timeout ", "parallel ", "sbatch ", "plan=$(", "shards=$(", "merge=$("];
 
 /// The top of the repository.
 fn top() -> PathBuf {

@@ -3,14 +3,17 @@
 use crate::arrays::{corners, rows};
 use crate::work::{failed, run};
 use brickfield_engine::analysis::{BrickBlock, covering, sample_at, winding_range};
-use brickfield_engine::contour::{ContourOptions, MeshArrays, contour};
-use brickfield_engine::lattice::BRICK_CELLS;
+use brickfield_engine::build::ThinDepth;
+use brickfield_engine::contour::{ContourOptions, MeshArrays, MeshSink, MeshTriangle, contour};
+use brickfield_engine::lattice::{BRICK_CELLS, NodeKey};
 use brickfield_engine::store::BrickTree;
-use brickfield_engine::{Axis, Builder, Error, Result};
+use brickfield_engine::{Axis, Builder, Error, Progress, Result};
+use brickfield_terminal::memory::available;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -30,20 +33,73 @@ pub fn open(py: Python<'_>, path: PathBuf) -> PyResult<Octree> {
     Ok(Octree { octree: octree.map_err(|error| failed(py, &error))? })
 }
 
+/// How an octree is built: options of the program by their names, of which `None` leaves what it has by default.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct BuildSettings {
+    depth: Option<u8>,
+    max_depth: Option<u8>,
+    cell: Option<f64>,
+    boundary_error: Option<f64>,
+    stddev: Option<f64>,
+    gwn_error: Option<f64>,
+    memory: Option<u64>,
+    threads: Option<usize>,
+    identity: bool,
+    restart: bool,
+    unit: Option<String>,
+}
+
+impl BuildSettings {
+    fn applied<'p>(&self, mut builder: Builder<'p>) -> Builder<'p> {
+        if let Some(depth) = self.depth {
+            builder = builder.depth(depth);
+        }
+        if let Some(cell) = self.cell {
+            builder = builder.cell(cell);
+        }
+        if let Some(error) = self.gwn_error {
+            builder = builder.sample_error(error);
+        }
+        if let Some(unit) = &self.unit {
+            builder = builder.unit(unit);
+        }
+        if self.identity {
+            builder = builder.identity();
+        }
+        // As the program does where no memory is given.
+        let memory = self.memory.or_else(|| available().map(|size| size.0 / 2));
+        builder.options(|options| {
+            options.thin = self.max_depth.map_or(ThinDepth::None, ThinDepth::Level);
+            options.tolerance = self.boundary_error.unwrap_or(0.0);
+            options.stddev = self.stddev.unwrap_or(0.0);
+            options.keeping.restart = self.restart;
+            // Stores have the bytes of those that the program writes.
+            options.program = concat!("brickfield ", env!("CARGO_PKG_VERSION")).to_owned();
+            if let Some(memory) = memory {
+                options.resources.memory = memory;
+                options.resources.index = memory / 5 * 4;
+            }
+        })
+    }
+
+    /// Does work on as many threads as were asked for.
+    fn threaded<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+        let Some(threads) = self.threads else { return work() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+            Error::setting(format!("cannot start {threads} threads: {error}"), "give fewer `threads`")
+        })?;
+        pool.install(work)
+    }
+}
+
 /// Builds an octree of inputs: paths, `(vertices, triangles)`, or `(points, normals)` with normals of floats.
 #[pyfunction]
-#[pyo3(signature = (inputs, out=None, depth=None, cell=None, memory=None, identity=false, unit=None, sample_error=None, progress=None))]
-#[allow(clippy::too_many_arguments)]
 pub fn build(
     py: Python<'_>,
     inputs: Vec<Bound<'_, PyAny>>,
     out: Option<PathBuf>,
-    depth: Option<u8>,
-    cell: Option<f64>,
-    memory: Option<u64>,
-    identity: bool,
-    unit: Option<String>,
-    sample_error: Option<f64>,
+    settings: BuildSettings,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Octree> {
     let mut sources = Vec::new();
@@ -51,34 +107,19 @@ pub fn build(
         sources.push(source(input)?);
     }
     let octree = run(py, progress.as_ref(), move |progress| {
-        let mut builder =
-            sources.into_iter().fold(Builder::new().progress(progress), |builder, source| match source {
+        settings.threaded(|| {
+            let inputs = Builder::new().progress(progress);
+            let builder = sources.into_iter().fold(inputs, |builder, source| match source {
                 Source::File(path) => builder.file(path),
                 Source::Triangles(vertices, triangles) => builder.triangles(vertices, triangles),
                 Source::Points(points, normals) => builder.points(points, normals),
             });
-        if let Some(depth) = depth {
-            builder = builder.depth(depth);
-        }
-        if let Some(cell) = cell {
-            builder = builder.cell(cell);
-        }
-        if let Some(bytes) = memory {
-            builder = builder.memory(bytes);
-        }
-        if let Some(unit) = unit {
-            builder = builder.unit(unit);
-        }
-        if let Some(error) = sample_error {
-            builder = builder.sample_error(error);
-        }
-        if identity {
-            builder = builder.identity();
-        }
-        match out {
-            Some(path) => builder.write(path),
-            None => builder.in_memory(),
-        }
+            let builder = settings.applied(builder);
+            match out {
+                Some(path) => builder.write(path),
+                None => builder.in_memory(),
+            }
+        })
     })?;
     Ok(Octree { octree })
 }
@@ -150,14 +191,7 @@ impl Octree {
         points: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let points = rows(&points)?;
-        let values = run(py, None, |progress| {
-            let of_part = |part: &[[f64; 3]]| -> Result<Vec<f32>> {
-                progress.check()?;
-                Ok(sample_at(self.octree.tree(), part)?.into_iter().map(|w| w as f32).collect())
-            };
-            let parts = points.par_chunks(POINTS_AT_ONCE).map(of_part).collect::<Result<Vec<_>>>()?;
-            Ok(parts.concat())
-        })?;
+        let values = run(py, None, |progress| sample_in_order(self.octree.tree(), &points, progress))?;
         Ok(values.into_pyarray(py))
     }
 
@@ -185,29 +219,36 @@ impl Octree {
         Ok(array.into_pyarray(py))
     }
 
-    /// The isosurface as `(vertices, triangles)`.
-    #[pyo3(signature = (iso=0.5, tolerance=0.0, level=None, progress=None))]
+    /// The isosurface as `(vertices, triangles)`, with `normals` as `(vertices, triangles, normals)`.
+    #[pyo3(signature = (iso=0.5, tolerance=0.0, level=None, normals=false, progress=None))]
     fn mesh<'py>(
         &self,
         py: Python<'py>,
         iso: f64,
         tolerance: f64,
         level: Option<u8>,
+        normals: bool,
         progress: Option<Py<PyAny>>,
-    ) -> PyResult<(Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<u32>>)> {
-        let arrays = run(py, progress.as_ref(), |progress| {
-            let options = ContourOptions { iso, tolerance, level, ..ContourOptions::default() };
-            let mut arrays = MeshArrays::default();
-            contour(self.octree.tree(), &options, &mut arrays, progress)?;
-            Ok(arrays)
-        })?;
-        let shape = |rows: usize| (rows, 3);
-        let vertices =
-            Array2::from_shape_vec(shape(arrays.positions.len()), arrays.positions.into_flattened());
-        let triangles =
-            Array2::from_shape_vec(shape(arrays.triangles.len()), arrays.triangles.into_flattened());
-        let wrong = |error: numpy::ndarray::ShapeError| PyValueError::new_err(error.to_string());
-        Ok((vertices.map_err(wrong)?.into_pyarray(py), triangles.map_err(wrong)?.into_pyarray(py)))
+    ) -> PyResult<Bound<'py, PyTuple>> {
+        let options = ContourOptions { iso, tolerance, level, ..ContourOptions::default() };
+        let mut found = MeshWithNormals::default();
+        if normals {
+            run(py, progress.as_ref(), |progress| {
+                contour(self.octree.tree(), &options, &mut found, progress)
+            })?;
+        } else {
+            run(py, progress.as_ref(), |progress| {
+                contour(self.octree.tree(), &options, &mut found.mesh, progress)
+            })?;
+        }
+        let mut arrays = vec![
+            triples(py, found.mesh.positions)?.into_any(),
+            triples(py, found.mesh.triangles)?.into_any(),
+        ];
+        if normals {
+            arrays.push(triples(py, found.normals)?.into_any());
+        }
+        PyTuple::new(py, arrays)
     }
 
     /// Volumes of union and overlap with their errors.
@@ -253,6 +294,71 @@ impl Octree {
         let pixels = run(py, None, |_| picture(|path| self.octree.write_picture(path, view)))?;
         Ok(pixels.into_pyarray(py))
     }
+}
+
+/// w at points. They are asked in the order of the bricks that they lie in: each brick is read once, where scattered points
+/// would read one each.
+fn sample_in_order(tree: &dyn BrickTree, points: &[[f64; 3]], progress: &dyn Progress) -> Result<Vec<f32>> {
+    let (root, depth) = (tree.root(), tree.deepest_level());
+    let brick = |point: &[f64; 3]| {
+        NodeKey::deepest_holding(root.from_first_sample(*point)).and_then(|key| key.ancestor(depth))
+    };
+    let mut order: Vec<(Option<NodeKey>, usize)> =
+        points.par_iter().enumerate().map(|(number, point)| (brick(point), number)).collect();
+    order.par_sort_unstable();
+    let of_part = |part: &[(Option<NodeKey>, usize)]| -> Result<Vec<f64>> {
+        progress.check()?;
+        sample_at(tree, &part.iter().map(|&(_, number)| points[number]).collect::<Vec<_>>())
+    };
+    let parts = order.par_chunks(POINTS_AT_ONCE).map(of_part).collect::<Result<Vec<_>>>()?;
+    let mut values = vec![0.0; points.len()];
+    for (&(_, number), w) in order.iter().zip(parts.into_iter().flatten()) {
+        values[number] = w as f32;
+    }
+    Ok(values)
+}
+
+/// A mesh with the outward unit normals of its vertices.
+#[derive(Default)]
+struct MeshWithNormals {
+    mesh: MeshArrays,
+    normals: Vec<[f32; 3]>,
+}
+
+impl MeshSink for MeshWithNormals {
+    fn wants_normals(&self) -> bool {
+        true
+    }
+
+    fn takes_triangles_between(&self) -> bool {
+        true
+    }
+
+    fn shares_vertices(&self) -> bool {
+        true
+    }
+
+    fn vertices_with_normals(&mut self, positions: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<()> {
+        self.mesh.positions.extend_from_slice(positions);
+        self.normals.extend_from_slice(normals);
+        Ok(())
+    }
+
+    fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
+        self.mesh.triangles.extend(facets.iter().map(|facet| facet.ids));
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Rows of three as an array.
+fn triples<T: numpy::Element>(py: Python<'_>, rows: Vec<[T; 3]>) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let array = Array2::from_shape_vec((rows.len(), 3), rows.into_flattened());
+    let array = array.map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok(array.into_pyarray(py))
 }
 
 /// Samples of a box, indexed z, y, x.

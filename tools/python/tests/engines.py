@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Builds in shards on Dask and Ray, with a worker killed midway; needs dask, distributed and ray beside the package.
 
-    python tools/python/tests/engines.py INPUT [--depth 5] [--shards 8] [--kill] [--plan]
+    python tools/python/tests/engines.py INPUT [--depth 5] [--shards 8] [--kill] [--plan] [--rounds 3]
 
-Compares the stores with one build, byte by byte, and prints seconds. Engines that are not installed are named.
+Compares the stores with one build, byte by byte, and prints seconds. The same shards in processes of this machine, none of
+them killed, tell what shards cost beside one build. Engines that are not installed are named.
 """
 
 import argparse
@@ -11,6 +12,7 @@ import hashlib
 import os
 import resource
 import signal
+import statistics
 import sys
 import tempfile
 import threading
@@ -26,7 +28,9 @@ def hash_of(path):
 
 
 def processor_seconds():
-    return sum(resource.getrusage(who).ru_utime for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    """Of this process and of those that it has waited for, with theirs."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used)
 
 
 def kill_one(parents, name):
@@ -55,6 +59,14 @@ def checked(engine, expected, args, folder, client, parents):
     same = hash_of(out) == expected and steps[-1] == (args.shards, args.shards)
     print(f"{engine}: {time.time() - begun:.1f} s, {'the bytes of one build' if same else 'OTHER BYTES'}")
     return same
+
+
+def processes(expected, args, folder):
+    """Two processes of this machine, which are waited for: all that they use is known."""
+    from concurrent.futures import ProcessPoolExecutor
+
+    with ProcessPoolExecutor(2) as pool:
+        return checked("processes", expected, args, folder, pool, None)
 
 
 def dask(expected, args, folder):
@@ -111,14 +123,27 @@ def main():
     parser.add_argument("--shards", type=int, default=8)
     parser.add_argument("--kill", action="store_true")
     parser.add_argument("--plan", action="store_true", help="read the input once; of closed meshes")
+    parser.add_argument("--rounds", type=int, default=1, help="of one build and its shards in processes, by turns")
     args = parser.parse_args()
+    # Stores hold the name of their input, and shards are built by its whole path.
+    args.input = args.input.resolve()
     good = True
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        begun, before = time.time(), processor_seconds()
-        run("build", args.input, "-o", folder / "one.brf", "--depth", str(args.depth))
-        print(f"one build: {time.time() - begun:.1f} s, {processor_seconds() - before:.1f} s of processor")
-        expected = hash_of(folder / "one.brf")
+        ratios = []
+        for _ in range(args.rounds):
+            begun, before = time.time(), processor_seconds()
+            run("build", args.input, "-o", folder / "one.brf", "--restart", "--depth", str(args.depth))
+            alone = processor_seconds() - before
+            print(f"one build: {time.time() - begun:.1f} s, {alone:.1f} s of processor")
+            expected = hash_of(folder / "one.brf")
+            before = processor_seconds()
+            good &= processes(expected, args, folder)
+            used = processor_seconds() - before
+            ratios.append(used / alone)
+            print(f"  {used:.1f} s of processor, {ratios[-1]:.2f} times one build", flush=True)
+            (folder / "one.brf").unlink()
+        print(f"median of {args.rounds}: {statistics.median(ratios):.2f} times one build")
         for engine in (dask, on_ray):
             try:
                 good &= engine(expected, args, folder)

@@ -1,7 +1,9 @@
 """Tests of the Python package, run by run.py in an environment where the wheel is installed."""
 
 import doctest
+import importlib.util
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,7 +11,7 @@ import tempfile
 import threading
 import time
 import unittest
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,8 @@ import numpy as np
 import brickfield
 import brickfield.distributed
 
-CLOVER = Path(__file__).resolve().parents[3] / "bench-data" / "clover.gcode"
+TOP = Path(__file__).resolve().parents[3]
+CLOVER = TOP / "bench-data" / "clover.gcode"
 
 
 def cube(at: float, edge: float) -> tuple[np.ndarray, np.ndarray]:
@@ -68,6 +71,30 @@ class Arrays(unittest.TestCase):
         # A side of a cube is a sixth of the sphere seen from its middle.
         self.assertAlmostEqual(w[0], 5 / 6, places=6)
 
+    def test_settings_are_those_of_the_program(self) -> None:
+        vertices, triangles = cube(0, 4)
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            source = folder / "cube.obj"
+            rows = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles]
+            source.write_text("\n".join(rows) + "\n")
+            settings = {"depth": 4, "boundary_error": 0.1, "unit": "cm", "threads": 1, "memory": "1GiB"}
+            part = brickfield.build(source, folder / "a.brf", **settings)
+            brickfield.run("build", source, "-o", folder / "b.brf", *brickfield._program.options_of(settings))
+            seen: list[str] = []
+            brickfield.build(source, folder / "c.brf", **{**settings, "boundary_error": "0.1cm"}, refine="hidden",
+                             progress=lambda phase, *_: seen.append(phase))
+            self.assertEqual(part.unit, "cm")
+            self.assertTrue(seen)
+            one = (folder / "a.brf").read_bytes()
+            self.assertEqual(one, (folder / "b.brf").read_bytes())
+            self.assertEqual(one, (folder / "c.brf").read_bytes())
+            for inputs, out in [((vertices, triangles), folder / "d.brf"), (source, None)]:
+                with self.assertRaisesRegex(brickfield.Error, "cell: for files"):
+                    brickfield.build(inputs, out, cell="1mm")
+            with self.assertRaisesRegex(brickfield.Error, "--dephts"):
+                brickfield.build(source, folder / "d.brf", dephts=3)
+
     def test_points_become_a_sphere(self) -> None:
         n = np.arange(2000) + 0.5
         polar, turn = np.arccos(1 - 2 * n / 2000), np.pi * (1 + 5**0.5) * n
@@ -113,12 +140,31 @@ class Stores(unittest.TestCase):
         with self.assertRaises(brickfield.Error):
             part.level(3)
 
+    def test_a_box_reads_the_bricks_it_needs(self) -> None:
+        part = brickfield.open(self.part.path)
+        level = part.level(2)
+        # Bricks of 32³ samples, four along each axis.
+        for box, bricks in [(np.s_[0:32, 64:96, 32:64], 1), (np.s_[31:33, 63:65, 95:97], 8), (np.s_[40], 16)]:
+            before = part.bricks_read
+            level[box]
+            self.assertLessEqual(part.bricks_read - before, bricks)
+
     def test_tables_are_columns(self) -> None:
         layers = self.part.layers()
         self.assertTrue((np.diff(layers["z_top"]) > 0).all())
         self.assertEqual(len(layers["area"]), len(layers["layer"]))
         self.assertIn("volume", self.part.overlap())
-        self.part.voids()
+        all, none = self.part.voids(), self.part.voids("--min-volume", "999999")
+        self.assertEqual(list(all), list(none))
+        self.assertEqual(len(none["id"]), 0)
+        self.assertEqual((all["volume"].dtype.kind, all["throat"].dtype.kind, all["class"].dtype.kind), ("f", "f", "U"))
+
+    def test_machining_gives_a_store_and_columns(self) -> None:
+        moves = TOP / "bench-data" / "machining" / "clover.nc"
+        cut, opened = self.part.machine(moves, Path(self.folder.name) / "cut.brf")
+        self.assertLess(cut.volumes()["union"], self.part.volumes()["union"])
+        self.assertEqual(list(opened)[:5], ["id", "volume", "state", "ligament", "move_first"])
+        self.assertLessEqual(set(opened["state"]), {"untouched", "opened", "consumed"})
 
     def test_distances_are_columns(self) -> None:
         with tempfile.TemporaryDirectory() as folder:
@@ -140,11 +186,45 @@ class Stores(unittest.TestCase):
         edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
         self.assertTrue((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
         self.assertLess(triangles.max(), len(vertices))
+        corners = vertices.astype(float)[triangles]
+        facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        again, same, normals = self.part.mesh(normals=True)
+        np.testing.assert_array_equal(again, vertices)
+        np.testing.assert_array_equal(same, triangles)
+        self.assertEqual(normals.shape, vertices.shape)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
+        # Normals look outward, as most triangles at their vertices do.
+        self.assertGreater((np.einsum("ij,ij->i", facing, normals[triangles[:, 0]]) > 0).mean(), 0.8)
+        _, numbered, of_beads = self.part.mesh(attributes=["bead", "feature"])
+        np.testing.assert_array_equal(numbered, triangles)
+        self.assertEqual([len(column) for column in of_beads.values()], [len(triangles)] * 2)
+        self.assertIn("Internal infill", of_beads["feature"])
         coarse, _ = self.part.mesh(tolerance=1.0)
         self.assertLess(len(coarse), len(vertices))
         for pixels in (self.part.slice(z=5.0), self.part.render()):
             self.assertEqual((pixels.ndim, pixels.shape[2], pixels.dtype), (3, 3, np.uint8))
             self.assertGreater(len(np.unique(pixels)), 2)
+
+    @unittest.skipUnless(importlib.util.find_spec("trimesh"), "trimesh is not installed")
+    def test_trimesh_takes_the_mesh(self) -> None:
+        mesh = self.part.to_trimesh()
+        self.assertTrue(mesh.is_watertight)
+        volumes = self.part.volumes()
+        self.assertLess(abs(mesh.volume - volumes["union"]), volumes["union_error"])
+
+    @unittest.skipUnless(importlib.util.find_spec("pyvista"), "pyvista is not installed")
+    def test_pyvista_takes_the_mesh(self) -> None:
+        mesh = self.part.to_pyvista()
+        self.assertEqual(mesh.n_open_edges, 0)
+        volumes = self.part.volumes()
+        self.assertLess(abs(mesh.volume - volumes["union"]), volumes["union_error"])
+
+    @unittest.skipUnless(importlib.util.find_spec("pandas"), "pandas is not installed")
+    def test_pandas_takes_columns(self) -> None:
+        import pandas
+
+        table = pandas.DataFrame(self.part.layers())
+        self.assertEqual(list(table.columns[:2]), ["layer", "z_bottom"])
 
     def test_errors_tell_kind_and_path(self) -> None:
         with self.assertRaises(brickfield.Error) as raised:
@@ -170,6 +250,8 @@ class Stores(unittest.TestCase):
         self.assertFalse(out.exists())
 
     def test_an_interrupt_stops_the_work(self) -> None:
+        # Python leaves it ignored where it was, as in a job in the background.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
         begun = time.time()
         with self.assertRaises(KeyboardInterrupt):
@@ -216,6 +298,70 @@ class Shards(unittest.TestCase):
             self.assertEqual(out.read_bytes(), (folder / "one.brf").read_bytes())
             self.assertFalse(place.exists())
 
+    def test_damaged_and_missing_shards_are_built_again(self) -> None:
+        with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
+            folder = Path(name)
+            source, out = self.one_build(folder)
+            place = folder / "shards"
+            settings = {"client": pool, "shards": 3, "folder": place, "depth": 3}
+            blocked = place / "shard-3-of-3.brf"
+            blocked.mkdir(parents=True)
+            with self.assertRaisesRegex(brickfield.Error, "shard 3 of 3: "):
+                brickfield.distributed.build(source, out, **settings)
+            blocked.rmdir()
+            (place / "shard-1-of-3.brf").unlink()
+            second = place / "shard-2-of-3.brf"
+            damaged = bytearray(second.read_bytes())
+            damaged[len(damaged) // 2] ^= 1
+            second.write_bytes(damaged)
+            with self.assertRaisesRegex(brickfield.Error, "shard 2 of 3: .*it is removed") as caught:
+                brickfield.distributed.build(source, out, **settings)
+            self.assertEqual(caught.exception.path, str(second))
+            steps: list[tuple[int, int]] = []
+            brickfield.distributed.build(source, out, **settings, progress=lambda *n: steps.append(n))
+            self.assertEqual(steps, [(3, 3)])
+            self.assertEqual(out.read_bytes(), (folder / "one.brf").read_bytes())
+
+    def test_a_shard_of_another_part_is_named(self) -> None:
+        with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
+            folder = Path(name)
+            source, out = self.one_build(folder)
+            place = folder / "shards"
+            other = place / "shard-2-of-3.brf"
+            place.mkdir()
+            brickfield.run("build", source, "-o", other, "--depth", "2", "--shard", "2/3")
+            with self.assertRaisesRegex(brickfield.Error, "shard-2-of-3"):
+                brickfield.distributed.build(source, out, client=pool, shards=3, folder=place, depth=3)
+            self.assertFalse(out.exists())
+
+    def test_a_worker_that_dies_is_told(self) -> None:
+        with tempfile.TemporaryDirectory() as name:
+            folder, steps = Path(name), []
+            settings = {"shards": 3, "depth": 5}
+            with ProcessPoolExecutor(1) as pool:
+                worker = pool.submit(os.getpid).result()
+                # Its first shard is finished, the second one is in work.
+                kill = lambda *n: (steps.append(n), time.sleep(0.3), os.kill(worker, signal.SIGKILL))
+                with self.assertRaisesRegex(brickfield.Error, "shard 2 of 3: .*process.*1 of 3 shards are kept"):
+                    brickfield.distributed.build(CLOVER, folder / "a.brf", client=pool, **settings, progress=kill)
+            with ThreadPoolExecutor(2) as pool:
+                again: list[tuple[int, int]] = []
+                brickfield.distributed.build(
+                    CLOVER, folder / "a.brf", client=pool, **settings, progress=lambda *n: again.append(n)
+                )
+            self.assertEqual((steps, again), ([(1, 3)], [(2, 3), (3, 3)]))
+            brickfield.run("build", CLOVER, "-o", folder / "one.brf", "--depth", "5")
+            self.assertEqual((folder / "a.brf").read_bytes(), (folder / "one.brf").read_bytes())
+
+    def test_a_client_that_is_cut_off_is_told(self) -> None:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            source, out = self.one_build(folder)
+            pool = ThreadPoolExecutor(1)
+            pool.shutdown()
+            with self.assertRaisesRegex(brickfield.Error, "the client does not answer: .*0 of 3 shards are kept"):
+                brickfield.distributed.build(source, out, client=pool, shards=3, depth=3)
+
     def test_a_plan_is_made_once(self) -> None:
         with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
             folder = Path(name)
@@ -241,10 +387,37 @@ class Memory(unittest.TestCase):
         self.assertLess(resident() - before, 8 << 20)
 
 
+class Guide(unittest.TestCase):
+    """Examples of the documentation, page by page in a folder that has the files they name."""
+
+    def test_snippets_run(self) -> None:
+        page = TOP / "docs" / "guide" / "python.md"
+        snippets = re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
+        self.assertGreaterEqual(len(snippets), 10)
+        told: list[str] = []
+        runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+        here = os.getcwd()
+        with tempfile.TemporaryDirectory() as name:
+            os.chdir(name)
+            try:
+                Path("part.gcode").write_bytes(CLOVER.read_bytes())
+                Path("face.nc").write_bytes((TOP / "bench-data" / "machining" / "clover.nc").read_bytes())
+                names: dict[str, object] = {}
+                for number, snippet in enumerate(snippets, 1):
+                    self.assertIn(">>> ", snippet)
+                    test = doctest.DocTestParser().get_doctest(snippet, names, f"snippet {number}", str(page), 0)
+                    runner.run(test, out=told.append, clear_globs=False)
+                    names = test.globs
+            finally:
+                os.chdir(here)
+        self.assertEqual(runner.failures, 0, "".join(told))
+
+
 def load_tests(loader: unittest.TestLoader, tests: unittest.TestSuite, _: object) -> unittest.TestSuite:
     vertices = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], dtype=float)
     triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     tests.addTests(doctest.DocTestSuite(brickfield, extraglobs={"VERTICES": vertices, "TRIANGLES": triangles}))
+    tests.addTests(doctest.DocTestSuite(brickfield._program))
     tests.addTests(doctest.DocTestSuite(brickfield.distributed))
     return tests
 

@@ -12,61 +12,29 @@ array([1., 0.], dtype=float32)
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Union
+from typing import TYPE_CHECKING, Any, Literal, Sequence, Union, overload
 
-import json
 import numpy as np
+
+from . import _brickfield
+from ._error import Error
+from ._program import PathLike, Progress, columns, mesh_of, options_of, run
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    Vertices = NDArray[np.float32]
+    Triangles = NDArray[np.uint32]
+    Columns = dict[str, NDArray[Any]]
+
 __all__ = ["Error", "Level", "Octree", "Winding", "build", "open", "run", "winding"]
-
-PathLike = Union[str, "os.PathLike[str]"]
-Progress = Callable[[str, int, Union[int, None]], None]
-
-
-class Error(Exception):
-    """What went wrong, in which file and where, and what to do, in one line.
-
-    ``kind`` is one of io, input, store, setting, device, interrupted, program. ``path`` is the file, if there is one.
-    """
-
-    def __init__(self, what: str, kind: str = "setting", path: str | None = None) -> None:
-        super().__init__(what)
-        self.kind = kind
-        self.path = path
-
-
-# The extension looks for the class above.
-from . import _brickfield  # noqa: E402
 
 __version__: str = _brickfield.__version__
 
 
 def _floats(array: Any) -> NDArray[np.float64]:
     return np.ascontiguousarray(array, dtype=np.float64)
-
-
-def run(*arguments: str | PathLike) -> dict[str, Any]:
-    """Runs a command of the program and returns what it prints as JSON.
-
-    >>> run("info", "missing.brf")  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    ...
-    brickfield.Error: missing.brf: cannot open: ...
-    """
-    command = [sys.executable, "-m", "brickfield", *map(os.fspath, arguments), "--json"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode != 0:
-        lines = [line for line in done.stderr.splitlines() if not line.startswith(("brickfield: warning", "brickfield: note"))]
-        what = lines[0].removeprefix("brickfield: ") if lines else f"the program ended with {done.returncode}"
-        raise Error(what, "program")
-    return dict(json.loads(done.stdout))
 
 
 class Level:
@@ -173,20 +141,53 @@ class Octree:
         """
         return Level(self, level)
 
+    @overload
+    def mesh(
+        self, iso: float = ..., tolerance: float = ..., level: int | None = ..., *, progress: Progress | None = ...
+    ) -> tuple[Vertices, Triangles]: ...
+    @overload
+    def mesh(
+        self, iso: float = ..., tolerance: float = ..., level: int | None = ..., *, normals: Literal[True],
+        progress: Progress | None = ...,
+    ) -> tuple[Vertices, Triangles, Vertices]: ...
+    @overload
+    def mesh(
+        self, iso: float = ..., tolerance: float = ..., level: int | None = ..., *, attributes: Sequence[str],
+        progress: Progress | None = ...,
+    ) -> tuple[Vertices, Triangles, Columns]: ...
     def mesh(
         self,
         iso: float = 0.5,
         tolerance: float = 0.0,
         level: int | None = None,
+        *,
+        normals: bool = False,
+        attributes: Sequence[str] | None = None,
         progress: Progress | None = None,
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    ) -> Any:
         """The surface w = iso as vertices (n, 3) and triangles (m, 3): closed, manifold, without self-intersections.
 
-        >>> vertices, triangles = build((VERTICES, TRIANGLES), depth=2).mesh()
-        >>> vertices.shape[1], triangles.dtype
-        (3, dtype('uint32'))
+        With `normals` also the outward unit normals of the vertices (n, 3). With `attributes` also columns with a row a
+        triangle, any of bead, layer and feature, from a store that was built with `identity`.
+
+        >>> vertices, triangles, normals = build((VERTICES, TRIANGLES), depth=2).mesh(normals=True)
+        >>> vertices.shape == normals.shape, triangles.dtype
+        (True, dtype('uint32'))
         """
-        return self._octree.mesh(iso, tolerance, level, progress)
+        if attributes is None:
+            return self._octree.mesh(iso, tolerance, level, normals, progress)
+        if normals:
+            raise Error("a mesh has normals or attributes; ask for one of them")
+        options = options_of({"iso": iso, "tolerance": tolerance, "level": level})
+        command: list[PathLike] = ["mesh", self._store(), *options, "--attributes", ",".join(attributes)]
+        vertices, faces, lines = mesh_of(*command, progress=progress)
+        found = {name: faces[name].copy() for name in attributes}
+        if "feature" in found:
+            names = [line.split(maxsplit=3)[3:] for line in lines if line.startswith("comment feature ")]
+            # The last one is none, which is -1.
+            found["feature"] = np.array([name[0] if name else "" for name in names] + [""])[found["feature"]]
+        points = np.stack([vertices[axis] for axis in "xyz"], axis=1)
+        return points, faces["corners"].copy(), found
 
     def volumes(self) -> dict[str, float]:
         """Volumes of union and overlap, each with a bound on its error.
@@ -217,16 +218,16 @@ class Octree:
         return run("export", self._store(), "-o", path, *options)
 
     def voids(self, *options: str) -> dict[str, NDArray[Any]]:
-        """Voids that the part encloses, a column each; options as `brickfield voids` takes them."""
-        return self._table("voids", *options)
+        """Voids that the part encloses, a row each, as columns; options as `brickfield voids` takes them."""
+        return columns("voids", self._store(), *options)
 
     def layers(self, *options: str) -> dict[str, NDArray[Any]]:
-        """Areas, volumes and voids by layer, a column each; options as `brickfield layers` takes them."""
-        return self._table("layers", *options)
+        """Areas, volumes and voids by layer, as columns; options as `brickfield layers` takes them."""
+        return columns("layers", self._store(), *options)
 
     def overlap(self, *options: str) -> dict[str, NDArray[Any]]:
-        """Pairs of beads that overlap, a column each; options as `brickfield overlap` takes them."""
-        return self._table("overlap", *options)
+        """Pairs of beads that overlap, as columns; options as `brickfield overlap` takes them."""
+        return columns("overlap", self._store(), *options)
 
     def thickness(self, *options: str) -> dict[str, NDArray[np.float32]]:
         """Wall thickness at the vertices of the mesh, or the width of gaps: columns x, y, z, thickness.
@@ -249,6 +250,14 @@ class Octree:
         """
         run("csg", self._store(), "-o", out, *options)
         return open(out)
+
+    def machine(self, program: PathLike, out: PathLike, *options: str) -> tuple[Octree, Columns]:
+        """Takes off what the tools of a milling program sweep: the new store, and what becomes of each void as columns.
+
+        Options as `brickfield machine` takes them, as in `part.machine("face.nc", "cut.brf", "--tool", "ball:6mm")`.
+        """
+        opened = columns("machine", self._store(), program, "-o", out, *options, table="--voids")
+        return open(out), opened
 
     def offset(self, out: PathLike, *options: str) -> Octree:
         """Grows, shrinks or hollows, to a new store; options as `brickfield offset` takes them."""
@@ -276,25 +285,9 @@ class Octree:
             raise Error("this octree is in memory; build it with out= to a file")
         return path
 
-    def _table(self, command: str, *options: str) -> dict[str, NDArray[Any]]:
-        with tempfile.TemporaryDirectory() as folder:
-            table = Path(folder) / "table.json"
-            run(command, self._store(), "-o", table, *options)
-            told = json.loads(table.read_text())
-        rows = next(value for value in told.values() if isinstance(value, list) and all(isinstance(r, dict) for r in value))
-        names = list(dict.fromkeys(name for row in rows for name in row))
-        return {name: np.array([row.get(name) for row in rows]) for name in names}
-
-    def _at_vertices(self, command: str, *arguments: str) -> dict[str, NDArray[np.float32]]:
-        with tempfile.TemporaryDirectory() as folder:
-            mesh = Path(folder) / "mesh.ply"
-            run(command, self._store(), *arguments, "-o", mesh)
-            head, rows = mesh.read_bytes().split(b"end_header\n", 1)
-        words = [line.split() for line in head.decode().splitlines()]
-        count = next(int(line[2]) for line in words if line[:2] == ["element", "vertex"])
-        names = [line[2] for line in words if line[:2] == ["property", "float"]]
-        table = np.frombuffer(rows, "<f4", count * len(names)).reshape(count, len(names))
-        return {name: table[:, n].copy() for n, name in enumerate(names)}
+    def _at_vertices(self, command: str, *arguments: str) -> Columns:
+        vertices, _, _ = mesh_of(command, self._store(), *arguments)
+        return {name: vertices[name].copy() for name in vertices.dtype.names or ()}
 
 
 def open(path: PathLike) -> Octree:
@@ -314,23 +307,42 @@ def build(
     out: PathLike | None = None,
     *,
     depth: int | None = None,
-    cell: float | None = None,
+    max_depth: int | None = None,
+    cell: float | str | None = None,
+    boundary_error: float | str | None = None,
+    stddev: float | None = None,
+    gwn_error: float | None = None,
     memory: int | str | None = None,
+    threads: int | None = None,
     identity: bool = False,
+    restart: bool = False,
     unit: str | None = None,
-    sample_error: float | None = None,
     progress: Progress | None = None,
+    **options: Any,
 ) -> Octree:
     """Builds an octree of a path, a list of paths, `(vertices, triangles)` or `(points, normals)`, to a store or in memory.
 
-    `depth` is the deepest level, or `cell` the edge of its cells. `memory` bounds the work, as in "2GiB". `identity` records
-    which beads a sample counts. `progress(phase, done, total)` is called some times a second; what it raises stops the work,
-    as Ctrl-C does.
+    Settings are the options of `brickfield build`, with underscores. `depth` is the deepest level, or `cell` the edge of its
+    cells. `memory` bounds the work, as in "2GiB". `identity` records which beads a sample counts. Options that are not listed
+    here, as `skip="auto"`, and lengths with units, as `cell="0.1mm"`, are for files that are built to a store: the program
+    builds it in a process of its own.
+
+    `progress(phase, done, total)` is called some times a second; what it raises stops the work, as Ctrl-C does.
 
     >>> build((VERTICES, TRIANGLES), depth=1).range
     (0, 1)
     """
-    all = inputs if isinstance(inputs, list) else [inputs]
+    items = inputs if isinstance(inputs, list) else [inputs]
+    settings: dict[str, Any] = {
+        "depth": depth, "max_depth": max_depth, "cell": cell, "boundary_error": boundary_error, "stddev": stddev,
+        "gwn_error": gwn_error, "memory": memory, "threads": threads, "identity": identity, "restart": restart, "unit": unit,
+    }
+    if options or isinstance(cell, str) or isinstance(boundary_error, str):
+        asked = [*options, *(name for name in ("cell", "boundary_error") if isinstance(settings[name], str))]
+        if out is None or any(not isinstance(item, (str, os.PathLike)) for item in items):
+            raise Error(f"{', '.join(asked)}: for files that are built to a store; give paths and out, and lengths as numbers")
+        run("build", *items, "-o", out, *options_of({**settings, **options}), progress=progress)
+        return open(out)
 
     def one(item: Any) -> Any:
         if isinstance(item, (str, os.PathLike)):
@@ -340,10 +352,7 @@ def build(
         return (_floats(first), _floats(second) if second.dtype.kind == "f" else second)
 
     path = None if out is None else os.fspath(out)
-    made = _brickfield.build(
-        [one(item) for item in all], path, depth, cell, _bytes(memory), identity, unit, sample_error, progress
-    )
-    return Octree(made)
+    return Octree(_brickfield.build([one(item) for item in items], path, {**settings, "memory": _bytes(memory)}, progress))
 
 
 def _bytes(size: int | str | None) -> int | None:

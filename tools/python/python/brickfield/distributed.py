@@ -21,13 +21,13 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, Callable, Iterable, Sequence, Union
+from typing import Any, Callable, Iterable, Iterator, Sequence, Union
 
-from . import Error, Octree, PathLike, open as open_store, run
+from . import Error, Octree, open as open_store, run
+from ._program import PROGRAM, PathLike, options_of
 
 __all__ = ["build"]
 
@@ -49,7 +49,7 @@ def _build_shard(arguments: Sequence[str]) -> str:
     """Runs the program on a worker and returns what went wrong, or nothing."""
     until = time.monotonic() + _WAIT
     while True:
-        command = [sys.executable, "-m", "brickfield", *arguments]
+        command = [*PROGRAM, *arguments]
         done = subprocess.run(command, capture_output=True, text=True, preexec_fn=_end_with_parent)
         told = done.stderr.strip().splitlines()
         if done.returncode == 0:
@@ -58,18 +58,6 @@ def _build_shard(arguments: Sequence[str]) -> str:
         if _HELD not in what or time.monotonic() > until:
             return what
         time.sleep(0.5)
-
-
-def _options(settings: dict[str, Any]) -> list[str]:
-    """Settings as the program's options: ``depth=4``, ``identity=True``, ``boundary_error="0.1mm"``."""
-    options: list[str] = []
-    for name, value in settings.items():
-        option = "--" + name.replace("_", "-")
-        if value is True:
-            options.append(option)
-        elif value is not None and value is not False:
-            options += [option, str(value)]
-    return options
 
 
 def _workers(client: Any) -> int:
@@ -91,7 +79,7 @@ def _results(client: Any, shards: dict[int, list[str]], retries: int) -> Iterabl
         }
         for future in dask_completed(futures):
             error = future.exception() if future.status != "finished" else None
-            yield futures[future], future.result() if error is None else str(error)
+            yield futures[future], future.result() if error is None else f"{future.status}: {error}".splitlines()[0]
         return
     if hasattr(client, "cluster_resources"):
         remote = client.remote(max_retries=retries, retry_exceptions=True)(_build_shard)
@@ -109,7 +97,7 @@ def _results(client: Any, shards: dict[int, list[str]], retries: int) -> Iterabl
     }
     for future in as_completed(pending):
         failure = future.exception()
-        yield pending[future], future.result() if failure is None else str(failure)
+        yield pending[future], future.result() if failure is None else str(failure).splitlines()[0]
 
 
 def _is_finished(shard: Path) -> bool:
@@ -155,7 +143,7 @@ def build(
     out = Path(out).resolve()
     place = Path(folder).resolve() if folder is not None else out.with_name(out.name + ".shards")
     count = shards or 2 * max(1, _workers(client))
-    options = _options(settings)
+    options = options_of(settings)
     build_of = {
         "inputs": [[str(file), file.stat().st_size, file.stat().st_mtime_ns] for file in files if file.exists()],
         "options": sorted(map(str, options)),
@@ -168,7 +156,7 @@ def build(
         planned = place / "part.plan"
         command = ["build", *map(str, files), "-o", str(planned), "--plan", "--quiet", "--threads", str(threads), *options]
         _make_plan(client, planned, command, retries)
-        files, options = [planned], _options({name: settings[name] for name in _RESOURCES & settings.keys()})
+        files, options = [planned], options_of({name: settings[name] for name in _RESOURCES & settings.keys()})
     wanted = {
         number: ["build", *map(str, files), "-o", str(shard(number)), "--shard", f"{number}/{count}", "--quiet"]
         + ["--threads", str(threads), *options]
@@ -176,7 +164,8 @@ def build(
         if not _is_finished(shard(number))
     }
     finished, failed = count - len(wanted), {}
-    for number, what in _results(client, wanted, retries):
+    kept = lambda: f"{finished} of {count} shards are kept in {place}"
+    for number, what in _answered(client, wanted, retries, kept):
         if what:
             failed[number] = what
             continue
@@ -185,19 +174,47 @@ def build(
             progress(finished, count)
     if failed:
         number = min(failed)
-        kept = f"{finished} of {count} shards are kept in {place}"
-        raise Error(f"shard {number} of {count}: {failed[number]} ({kept})", "program", str(shard(number)))
-    out.unlink(missing_ok=True)
-    run("cache", "merge", *map(shard, range(1, count + 1)), "-o", out)
+        raise Error(f"shard {number} of {count}: {failed[number]} ({kept()})", "program", str(shard(number)))
+    _merge([shard(number) for number in range(1, count + 1)], out)
     shutil.rmtree(place)
     return open_store(out)
+
+
+def _answered(client: Any, shards: dict[int, list[str]], retries: int, kept: Callable[[], str]) -> Iterator[tuple[int, str]]:
+    """As `_results`; a client that is cut off is an error that says what there is."""
+    results = iter(_results(client, shards, retries))
+    while True:
+        try:
+            result = next(results)
+        except StopIteration:
+            return
+        except Exception as error:
+            what = f"{type(error).__name__} {error}".strip().splitlines()[0]
+            raise Error(f"the client does not answer: {what}; call again with another one ({kept()})", "program") from error
+        yield result
+
+
+def _merge(shards: list[Path], out: Path) -> None:
+    """Joins the shards. Damaged ones are removed, so that the next call builds them."""
+    out.unlink(missing_ok=True)
+    try:
+        run("cache", "merge", *shards, "-o", out)
+    except Error as error:
+        for number, shard in enumerate(shards, 1):
+            try:
+                run("verify", shard)
+            except Error as damage:
+                shard.unlink(missing_ok=True)
+                what = f"shard {number} of {len(shards)}: {damage}; it is removed, the same call builds it again"
+                raise Error(what, "program", str(shard)) from error
+        raise
 
 
 def _make_plan(client: Any, planned: Path, command: list[str], retries: int) -> None:
     """Makes a plan on a worker, unless an earlier call has left it."""
     if planned.exists():
         return
-    for _, what in _results(client, {0: command}, retries):
+    for _, what in _answered(client, {0: command}, retries, lambda: "there is no plan yet"):
         if what:
             raise Error(f"the plan: {what}", "program", str(planned))
 
