@@ -5,7 +5,7 @@ use crate::work::{failed, run};
 use brickfield_engine::analysis::{BrickBlock, covering, sample_at, winding_range};
 use brickfield_engine::build::ThinDepth;
 use brickfield_engine::contour::{ContourOptions, MeshArrays, MeshSink, MeshTriangle, contour};
-use brickfield_engine::lattice::{BRICK_CELLS, NodeKey};
+use brickfield_engine::lattice::BRICK_CELLS;
 use brickfield_engine::store::BrickTree;
 use brickfield_engine::{Axis, Builder, Error, Progress, Result};
 use brickfield_terminal::memory::available;
@@ -17,8 +17,8 @@ use pyo3::types::PyTuple;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Points that a thread samples at once.
-const POINTS_AT_ONCE: usize = 1 << 14;
+/// Points between two looks at whether the user stops.
+const POINTS_AT_ONCE: usize = 1 << 21;
 
 /// An octree of winding numbers, in a store or in memory.
 #[pyclass(frozen)]
@@ -191,7 +191,7 @@ impl Octree {
         points: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let points = rows(&points)?;
-        let values = run(py, None, |progress| sample_in_order(self.octree.tree(), &points, progress))?;
+        let values = run(py, None, |progress| sample_all(self.octree.tree(), &points, progress))?;
         Ok(values.into_pyarray(py))
     }
 
@@ -296,24 +296,12 @@ impl Octree {
     }
 }
 
-/// w at points. They are asked in the order of the bricks that they lie in: each brick is read once, where scattered points
-/// would read one each.
-fn sample_in_order(tree: &dyn BrickTree, points: &[[f64; 3]], progress: &dyn Progress) -> Result<Vec<f32>> {
-    let (root, depth) = (tree.root(), tree.deepest_level());
-    let brick = |point: &[f64; 3]| {
-        NodeKey::deepest_holding(root.from_first_sample(*point)).and_then(|key| key.ancestor(depth))
-    };
-    let mut order: Vec<(Option<NodeKey>, usize)> =
-        points.par_iter().enumerate().map(|(number, point)| (brick(point), number)).collect();
-    order.par_sort_unstable();
-    let of_part = |part: &[(Option<NodeKey>, usize)]| -> Result<Vec<f64>> {
+/// w at points, of which some are asked between two looks at whether the user stops.
+fn sample_all(tree: &dyn BrickTree, points: &[[f64; 3]], progress: &dyn Progress) -> Result<Vec<f32>> {
+    let mut values = Vec::with_capacity(points.len());
+    for part in points.chunks(POINTS_AT_ONCE) {
         progress.check()?;
-        sample_at(tree, &part.iter().map(|&(_, number)| points[number]).collect::<Vec<_>>())
-    };
-    let parts = order.par_chunks(POINTS_AT_ONCE).map(of_part).collect::<Result<Vec<_>>>()?;
-    let mut values = vec![0.0; points.len()];
-    for (&(_, number), w) in order.iter().zip(parts.into_iter().flatten()) {
-        values[number] = w as f32;
+        values.extend(sample_at(tree, part)?.into_iter().map(|w| w as f32));
     }
     Ok(values)
 }

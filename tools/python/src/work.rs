@@ -3,9 +3,9 @@
 use brickfield_engine::{Error, ErrorKind, Progress, Result};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Between two looks at signals and progress.
@@ -57,7 +57,9 @@ pub fn run<T: Send>(
 ) -> PyResult<T> {
     let (state, mut raised) = (State::default(), None);
     let result = std::thread::scope(|scope| {
-        let (done, mut waits) = channel();
+        let (done, waits) = channel();
+        // Threads may not share a receiver as it is, and one may be another without the interpreter's lock.
+        let waits = Mutex::new(waits);
         let state = &state;
         let worker = scope.spawn(move || {
             let result = work(state);
@@ -65,8 +67,8 @@ pub fn run<T: Send>(
             let _ = done.send(());
             result
         });
-        // Borrowed for itself alone, so that it may be waited for without the interpreter's lock.
-        while py.detach(|| (&mut waits).recv_timeout(PAUSE)) == Err(RecvTimeoutError::Timeout) {
+        let wait = || waits.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(PAUSE);
+        while py.detach(wait) == Err(RecvTimeoutError::Timeout) {
             let said = py
                 .check_signals()
                 .and_then(|()| progress.map_or(Ok(()), |progress| state.tell(py, progress)));

@@ -8,8 +8,8 @@ use brickfield_engine::analysis::{CoveringPass, beads_at_points, sample_at};
 use brickfield_engine::store::{AcceptedStores, BeadTables, Store};
 use brickfield_engine::{Error, Progress};
 
-/// Points read before their samples are printed, which bounds memory.
-const BATCH_POINTS: usize = 1 << 16;
+/// Points read before their samples are printed, which bounds memory. Those of a batch are asked in the order of bricks.
+const BATCH_POINTS: usize = 1 << 18;
 
 /// Runs the command.
 pub fn run(args: &SampleArgs) -> Result<(), Failure> {
