@@ -20,9 +20,9 @@ const BYTES_A_SEGMENT_FOLLOWED: u64 = 120;
 const BYTES_A_SEGMENT_DECIDED: u64 = 480;
 /// What telling beads apart adds: the segments of two levels again.
 const BYTES_A_SEGMENT_IDENTIFIED: u64 = 120;
-/// Point clouds with their clusters and the points of two levels at once. Measured on a million points: 420 bytes, no
-/// more while normals are found from neighbours.
-const BYTES_A_POINT: u64 = 500;
+/// Point clouds with their clusters and the points of two levels at once. Measured on a million points: 277 MB in all, and
+/// 379 MB where normals are found from neighbours.
+const BYTES_A_POINT: u64 = 400;
 /// What a thread needs beside pieces and records: a brick in work, its crossings, tables.
 const BYTES_A_THREAD: u64 = 8 << 20;
 /// Buffers, the program, what the allocator cannot return.
