@@ -4,6 +4,7 @@ use crate::cache_args::{CacheArgs, CompressionArg};
 use crate::csg_args::CsgArgs;
 use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::distance_args::{DeviationArgs, OffsetArgs, ThicknessArgs};
+use crate::kinds::{inputs_of_build, inputs_of_winding};
 use crate::layer_args::{LayersArgs, OverlapArgs};
 use crate::machine_args::MachineArgs;
 pub use crate::mesh_args::{MeshArgs, OriginArg};
@@ -18,8 +19,6 @@ use crate::void_args::VoidsArgs;
 use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::brick::Count;
 use brickfield_engine::contour::listed_mesh_endings;
-use brickfield_engine::import::endings as volume_endings;
-use brickfield_engine::ingest::mesh_endings;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -569,28 +568,6 @@ pub struct VerifyArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
-}
-
-/// Formats of meshes that are read, by their table.
-pub fn mesh_formats() -> String {
-    mesh_endings().map(str::to_uppercase).collect::<Vec<_>>().join(", ")
-}
-
-/// Formats of point clouds that are read.
-const CLOUD_FORMATS: &str = "PLY, PCD, LAS, LAZ, E57, XYZ";
-
-/// What `winding` takes.
-fn inputs_of_winding() -> String {
-    format!(
-        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: {CLOUD_FORMATS}",
-        mesh_formats()
-    )
-}
-
-/// What `build` takes, by the tables of formats.
-fn inputs_of_build() -> String {
-    let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
-    format!("{}; or one volume: {}", inputs_of_winding(), volumes.join(", "))
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use brickfield_engine::bsp::MAGIC;
 use brickfield_engine::build::is_plan;
 use brickfield_engine::contour::{listed_mesh_endings, written_mesh_endings};
 use brickfield_engine::export::FORMATS;
+use brickfield_engine::import::endings as volume_endings;
 use brickfield_engine::ingest::{InputKind, mesh_endings, readable};
 use brickfield_engine::mmap::begins_with;
 use brickfield_engine::store::is_store;
@@ -248,6 +249,28 @@ pub fn typed(path: &Path) -> String {
         return text;
     }
     format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+/// Formats of meshes that are read, by their table.
+pub fn mesh_formats() -> String {
+    mesh_endings().map(str::to_uppercase).collect::<Vec<_>>().join(", ")
+}
+
+/// Formats of point clouds that are read.
+const CLOUD_FORMATS: &str = "PLY, PCD, LAS, LAZ, E57, XYZ";
+
+/// What `winding` takes.
+pub fn inputs_of_winding() -> String {
+    format!(
+        "Toolpaths: G-code, also as .gz, .xz, .bgcode or .gcode.3mf; meshes: {}, X3D Extrusions. Or point clouds: {CLOUD_FORMATS}",
+        mesh_formats()
+    )
+}
+
+/// What `build` takes, by the tables of formats.
+pub fn inputs_of_build() -> String {
+    let volumes: Vec<_> = volume_endings().map(|ending| format!(".{ending}")).collect();
+    format!("{}; or one volume: {}", inputs_of_winding(), volumes.join(", "))
 }
 
 #[cfg(test)]

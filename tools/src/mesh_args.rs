@@ -1,6 +1,7 @@
 //! What the user types for `brickfield mesh`.
 
-use crate::args::{IoArg, MethodArg, mesh_formats};
+use crate::args::{IoArg, MethodArg};
+use crate::kinds::mesh_formats;
 use crate::units::{Length, Size, Tolerance};
 use crate::work::WorkArgs;
 use brickfield_engine::analysis::BeadAttribute;
