@@ -204,23 +204,31 @@ fn crack(base: &Path, mut out: impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// Points of a torus, evenly by area: the outer side is longer, so points on the inner one are dropped in proportion.
+/// Points of a torus with their normals.
 fn torus(count: u64, mut out: impl Write) -> io::Result<()> {
-    let (ring, tube) = (10.0, 4.0);
-    let mut rng = Rng::new(1);
-    let mut left = count;
-    while left > 0 {
-        let (around, across) = (rng.range(0.0, TAU), rng.range(0.0, TAU));
-        let (side, up) = cos_sin(across);
-        if rng.range(0.0, ring + tube) > ring + tube * side {
-            continue;
-        }
-        let (x, y) = cos_sin(around);
-        let radius = ring + tube * side;
-        writeln!(out, "{} {} {} {} {} {}", radius * x, radius * y, tube * up, side * x, side * y, up)?;
-        left -= 1;
+    for ([x, y, z], [nx, ny, nz]) in torus_points(1).take(count as usize) {
+        writeln!(out, "{x} {y} {z} {nx} {ny} {nz}")?;
     }
     Ok(())
+}
+
+/// Random points of a torus with radii of 10 and 4, evenly by area, with their outward normals: the outer side is longer, so
+/// points on the inner one are dropped in proportion.
+pub fn torus_points(seed: u64) -> impl Iterator<Item = ([f64; 3], [f64; 3])> {
+    let (ring, tube) = (10.0, 4.0);
+    let mut rng = Rng::new(seed);
+    std::iter::from_fn(move || {
+        loop {
+            let (around, across) = (rng.range(0.0, TAU), rng.range(0.0, TAU));
+            let (side, up) = cos_sin(across);
+            if rng.range(0.0, ring + tube) > ring + tube * side {
+                continue;
+            }
+            let (x, y) = cos_sin(around);
+            let radius = ring + tube * side;
+            return Some(([radius * x, radius * y, tube * up], [side * x, side * y, up]));
+        }
+    })
 }
 
 /// Cosine and sine.

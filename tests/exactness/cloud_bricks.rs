@@ -2,6 +2,7 @@
 
 use crate::scene::{assert_positions_agree, nodes, on_root_face, position};
 use brickfield_bench_data::Rng;
+use brickfield_bench_data::inputs::torus_points;
 use brickfield_engine::Silent;
 use brickfield_engine::brick::{Brick, SignChanges};
 use brickfield_engine::build::{TreeOptions, build_cloud_in_memory};
@@ -9,21 +10,12 @@ use brickfield_engine::ingest::PointCloud;
 use brickfield_engine::lattice::{Axis, BRICK_POINTS, ROOT_BITS, RootCube};
 use brickfield_engine::store::{MemoryTree, Refine};
 use brickfield_engine::winding::{CloudField, Surfel, Surfels};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Points scattered over a torus with radii of 10 and 4, and its normals.
 fn torus(count: usize, seed: u64) -> PointCloud {
-    let mut rng = Rng::new(seed);
     let mut cloud = PointCloud::default();
-    while cloud.points.len() < count {
-        let (u, v) = (rng.range(0.0, TAU), rng.range(0.0, TAU));
-        if rng.range(0.0, 14.0) < 10.0 + 4.0 * v.cos() {
-            let way = [u.cos() * v.cos(), u.sin() * v.cos(), v.sin()];
-            let ring = [10.0 * u.cos(), 10.0 * u.sin(), 0.0];
-            cloud.points.push(std::array::from_fn(|a| ring[a] + 4.0 * way[a]));
-            cloud.normals.push(way);
-        }
-    }
+    (cloud.points, cloud.normals) = torus_points(seed).take(count).unzip();
     cloud
 }
 

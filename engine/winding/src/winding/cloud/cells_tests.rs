@@ -9,22 +9,13 @@ use crate::lattice::{BRICK_POINTS, NodeKey, ROOT_BITS, Units};
 use crate::progress::Silent;
 use crate::soup::PointCloud;
 use brickfield_bench_data::Rng;
-use std::f64::consts::TAU;
+use brickfield_bench_data::inputs::torus_points;
 use std::time::Instant;
 
 /// Points scattered over a torus with radii of 10 and 4, and its normals.
 fn torus(count: usize, seed: u64) -> PointCloud {
-    let mut rng = Rng::new(seed);
     let mut cloud = PointCloud::default();
-    while cloud.points.len() < count {
-        let (u, v) = (rng.range(0.0, TAU), rng.range(0.0, TAU));
-        if rng.range(0.0, 14.0) < 10.0 + 4.0 * v.cos() {
-            let way = [u.cos() * v.cos(), u.sin() * v.cos(), v.sin()];
-            let ring = [10.0 * u.cos(), 10.0 * u.sin(), 0.0];
-            cloud.points.push(std::array::from_fn(|a| ring[a] + 4.0 * way[a]));
-            cloud.normals.push(way);
-        }
-    }
+    (cloud.points, cloud.normals) = torus_points(seed).take(count).unzip();
     cloud
 }
 
