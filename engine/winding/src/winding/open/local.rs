@@ -9,27 +9,12 @@
 //! moments, and only the coefficients with β_z ≤ 1 need to be summed.
 
 use super::moments::{Expansion, Reach, error_bound};
-use super::wide::{Simd, SimdBase, SimdFloat, dispatch, each_of, f64x8, level};
+use super::translation::{C, DEGREE, LANES, Translation};
+use super::wide::{Simd, SimdBase, dispatch, each_of, level};
 use std::f64::consts::PI;
 
-/// Moments and coefficients are used as far as their degrees add up to this.
-pub(in crate::winding) const DEGREE: usize = 6;
-/// Coefficients along an axis.
-pub(in crate::winding) const C: usize = DEGREE;
-/// Clusters translated at a time, which vectorises.
-pub(super) const LANES: usize = 8;
 /// Samples evaluated at a time.
 pub const GROUP: usize = 8;
-
-/// Derivatives of 1/r by order in z, y, x, those in z to the second: one for each of some clusters.
-type Derivatives<S> = [[[f64x8<S>; DEGREE + 1]; DEGREE + 1]; 3];
-
-/// The moments that count, by degree: orders in x, y, z.
-pub(in crate::winding) const MOMENTS: [&[[usize; 3]]; 3] = [
-    &[[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-    &[[2, 0, 0], [0, 2, 0], [1, 1, 0], [0, 1, 1], [1, 0, 1]],
-    &[[3, 0, 0], [0, 3, 0], [2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 2, 1], [1, 1, 1]],
-];
 
 /// A polynomial: coefficients by power of z, y, x, where these add up to less than [`DEGREE`].
 #[derive(Clone, Debug, PartialEq)]
@@ -76,7 +61,7 @@ impl LocalExpansion {
 
     #[inline(always)]
     fn add_with<S: Simd>(&mut self, simd: S, clusters: &[([f64; 3], &Expansion)]) {
-        let mut sums = [[[f64x8::splat(simd, 0.0); C]; C]; 2];
+        let mut translation = Translation::new(simd, |number| number);
         for some in clusters.chunks(LANES) {
             // Idle lanes have no moments.
             let mut way = [[1.0; LANES]; 3];
@@ -86,9 +71,11 @@ impl LocalExpansion {
                 let own = expansion.moments();
                 moments.iter_mut().zip(own).for_each(|(m, own)| m[lane] = own);
             }
-            contract(simd, &moments, &derivatives(simd, &way), &mut sums);
+            translation.add(simd, each_of(simd, &way), &moments);
         }
-        self.add_sums(&sums.map(|plane| plane.map(|row| row.map(|lanes| lanes.as_array().iter().sum()))));
+        self.add_sums(
+            &translation.sums.map(|plane| plane.map(|row| row.map(|lanes| lanes.as_array().iter().sum()))),
+        );
     }
 
     /// Adds sums of derivatives by order in z, y, x, those in z to the first, from which all coefficients follow.
@@ -212,85 +199,5 @@ impl LocalExpansion {
             (0..GROUP).for_each(|l| value[l] = value[l] * z[l] + plane[l]);
         }
         value
-    }
-}
-
-/// Derivatives of 1/|r|: n r² D_γ = −(2n − 1) Σ γ_i r_i D_{γ−e_i} − (n − 1) Σ γ_i (γ_i − 1) D_{γ−2e_i}, n = |γ|.
-#[inline(always)]
-fn derivatives<S: Simd>(simd: S, r: &[[f64; LANES]; 3]) -> Derivatives<S> {
-    let zero = f64x8::splat(simd, 0.0);
-    let mut d: Derivatives<S> = [[[zero; DEGREE + 1]; DEGREE + 1]; 3];
-    let r = each_of(simd, r);
-    let inverse = f64x8::splat(simd, 1.0) / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
-    d[0][0][0] = inverse.sqrt();
-    for z in 0..2 {
-        for y in 0..=DEGREE - z {
-            for x in usize::from(y + z == 0)..=DEGREE - z - y {
-                let n = (x + y + z) as f64;
-                let (mut first, mut second) = (zero, zero);
-                if x > 0 {
-                    first += r[0] * d[z][y][x - 1] * x as f64;
-                }
-                if y > 0 {
-                    first += r[1] * d[z][y - 1][x] * y as f64;
-                }
-                if z > 0 {
-                    first += r[2] * d[z - 1][y][x] * z as f64;
-                }
-                if x > 1 {
-                    second += d[z][y][x - 2] * (x * (x - 1)) as f64;
-                }
-                if y > 1 {
-                    second += d[z][y - 2][x] * (y * (y - 1)) as f64;
-                }
-                d[z][y][x] = -inverse * (first * ((2.0 * n - 1.0) / n) + second * ((n - 1.0) / n));
-            }
-        }
-    }
-    for y in 0..=DEGREE - 2 {
-        for x in 0..=DEGREE - 2 - y {
-            d[2][y][x] = -(d[0][y][x + 2] + d[0][y + 2][x]);
-        }
-    }
-    d
-}
-
-/// Σ_α M_α D_{α+β} for every β with β_z ≤ 1, added to `sums`.
-#[inline(always)]
-fn contract<S: Simd>(
-    simd: S,
-    moments: &[[f64; LANES]; 15],
-    d: &Derivatives<S>,
-    sums: &mut [[[f64x8<S>; C]; C]; 2],
-) {
-    let mut moment = moments.iter();
-    for (degree, orders) in (1..).zip(MOMENTS) {
-        for (&[i, j, k], m) in orders.iter().zip(&mut moment) {
-            let m = f64x8::from_slice(simd, m);
-            let last = DEGREE - degree;
-            for z in 0..2 {
-                for y in 0..=last - z {
-                    let from = &d[k + z][j + y][i..];
-                    let to = &mut sums[z][y];
-                    // Rows of fixed lengths are unrolled: a third of a translation's time.
-                    match last - z - y {
-                        0 => add_row::<1, S>(to, m, from),
-                        1 => add_row::<2, S>(to, m, from),
-                        2 => add_row::<3, S>(to, m, from),
-                        3 => add_row::<4, S>(to, m, from),
-                        4 => add_row::<5, S>(to, m, from),
-                        _ => add_row::<C, S>(to, m, from),
-                    }
-                }
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn add_row<const N: usize, S: Simd>(sums: &mut [f64x8<S>; C], m: f64x8<S>, terms: &[f64x8<S>]) {
-    let terms = terms.first_chunk::<N>().expect("orders add up to no more than the degree");
-    for (sum, &term) in sums.iter_mut().zip(terms) {
-        *sum += m * term;
     }
 }

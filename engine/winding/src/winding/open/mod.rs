@@ -24,6 +24,7 @@ mod points;
 mod region;
 mod regions;
 mod smooth;
+mod translation;
 mod tree;
 mod wide;
 
@@ -34,11 +35,12 @@ pub(super) use brick::{Shares, binary_places, fixed_point, least_bits};
 pub use cells::FAR_FIELD_BYTES;
 pub(super) use concurrent_cache::{ConcurrentCache, MemorySize};
 pub use local::GROUP;
-pub(super) use local::{C as COEFFICIENTS, DEGREE, LocalExpansion, MOMENTS, local_bound};
+pub(super) use local::{LocalExpansion, local_bound};
 pub(super) use moments::Expansion;
 pub use moments::{Moments, Reach, SurfaceElement};
 pub use points::open_winding_at;
 pub(super) use points::shares_at;
+pub(super) use translation::{C as COEFFICIENTS, LANES, Translation};
 pub use tree::ClusterTree;
 
 use crate::error::Result;
