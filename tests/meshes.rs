@@ -41,7 +41,7 @@ impl Kept {
 }
 
 impl MeshSink for Kept {
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+    fn vertices_with_normals(&mut self, positions: &[[f32; 3]], _: &[[f32; 3]]) -> Result<()> {
         self.vertices.extend(positions.iter().map(|p| p.map(f64::from)));
         Ok(())
     }

@@ -141,14 +141,30 @@ fn threads_change_no_byte_and_beads_keep_their_volume() {
         std::fs::read(&out).unwrap()
     });
     assert!(made[0] == made[1]);
-    let json = meshed(&store, &dir.path("b.stl"), &["--detail", "3mm", "--quality"]);
-    let smallest = json["quality"]["smallest_angle"].as_f64().unwrap();
-    let angles = facets_of(&dir.path("b.stl")).into_iter().map(smallest_angle);
-    assert!((angles.fold(180.0, f64::min) - smallest).abs() < 1e-3, "{smallest}");
+    slivers_are_taken_away(&dir, &store);
     // A fraction that is given moves the surface.
     let volume =
         |iso| meshed(&store, &dir.path("b.ply"), &["--detail", "3mm", "--iso", iso])["volume"].as_f64();
     assert!(volume("0.3") > volume("0.7"));
+}
+
+fn slivers_are_taken_away(dir: &Scratch, store: &Path) {
+    let made = ["1", "2"].map(|threads| {
+        let out = dir.path(&format!("{threads}.ply"));
+        let wish = ["--detail", "3mm", "--tolerance", "0.05mm", "--quality", "--threads", threads];
+        let json = meshed(store, &out, &wish);
+        judged(&out, json["expected"]["volume"].as_f64().unwrap(), 0.002);
+        std::fs::read(&out).unwrap()
+    });
+    assert!(made[0] == made[1]);
+    let json = meshed(store, &dir.path("b.stl"), &["--detail", "3mm", "--tolerance", "0.05mm", "--quality"]);
+    let quality = |key: &str| json["quality"][key].as_f64().unwrap();
+    let angles: Vec<f64> = facets_of(&dir.path("b.stl")).into_iter().map(smallest_angle).collect();
+    assert!((angles.iter().copied().fold(180.0, f64::min) - quality("smallest_angle")).abs() < 1e-3);
+    assert_eq!(angles.len() as u64, json["triangles"].as_u64().unwrap());
+    let [before, after] = ["below_5_degrees_before", "below_5_degrees"].map(quality);
+    assert!(before > 20.0 && after * 10.0 < before, "{before} {after}");
+    assert!(quality("smallest_angle") >= quality("smallest_angle_before"));
 }
 
 /// A turned box in cells of a fifteenth of it: its edges are near the mesh. Rounded, they would be a third of a cell away.

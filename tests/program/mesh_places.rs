@@ -93,7 +93,7 @@ fn far_coordinates_have_64_bits() {
     let double = dir.path("d.ply");
     run(&[&"mesh", &near, &"-o", &double, &"--double", &"-q", &"--keep-largest"]).ok();
     let (header, positions, ..) = read_ply(&double);
-    assert!(header.contains("property double x"));
+    assert!(header.contains("property double x") && positions.len() == wanted.len());
     assert!(positions.iter().zip(&wanted).all(|(p, q)| (0..3).all(|a| (p[a] - q[a]).abs() < 1e-6)));
 }
 

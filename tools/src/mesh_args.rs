@@ -92,7 +92,11 @@ pub struct MeshArgs {
     /// Leave out shells, of voids and of pieces, that enclose less, in the cube of the store's unit
     #[arg(long, value_name = "VOLUME", requires = "output")]
     pub min_shell_volume: Option<f64>,
-    /// Tell the smallest angle of all triangles, and how many have one below 5°, which solvers dislike
+    /// Take slivers away, which solvers dislike, and tell the smallest angle and how many triangles have one below 5°
+    ///
+    /// Edges are flipped or collapsed and vertices moved where triangles have an angle below 10°, as far as the surface stays
+    /// within a tenth of a cell and half the tolerance. The mesh stays closed, manifold and free of self-intersections. It lies in
+    /// memory for that, with 200 bytes a triangle.
     #[arg(long, requires = "output")]
     pub quality: bool,
     /// How cells become triangles

@@ -23,6 +23,12 @@ from brickfield import Error, run
 from brickfield.distributed import build
 
 
+# Seconds to wait for a worker to begin a shard.
+PATIENCE = 3600
+# The outputs for which one was killed.
+KILLED = []
+
+
 def hash_of(path):
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
@@ -35,7 +41,8 @@ def processor_seconds():
 
 def kill_one(parents, name):
     """Kills a worker once it runs the program: the parent of a process whose command has these words."""
-    for _ in range(600):
+    ends = time.time() + PATIENCE
+    while time.time() < ends:
         time.sleep(0.02)
         for entry in os.listdir("/proc"):
             try:
@@ -46,6 +53,7 @@ def kill_one(parents, name):
             if b"--shard" in words and name.encode() in b" ".join(words) and parent in parents():
                 os.kill(parent, signal.SIGKILL)
                 print(f"  killed worker {parent}, which built a shard")
+                KILLED.append(name)
                 return
 
 
@@ -56,6 +64,9 @@ def checked(engine, expected, args, folder, client, parents):
     begun, steps = time.time(), []
     build(args.input, out, client=client, shards=args.shards, depth=args.depth, plan=args.plan,
           progress=lambda *n: steps.append(n))
+    if args.kill and parents is not None and out.name not in KILLED:
+        print(f"{engine}: NO WORKER WAS KILLED")
+        return False
     same = hash_of(out) == expected and steps[-1] == (args.shards, args.shards)
     print(f"{engine}: {time.time() - begun:.1f} s, {'the bytes of one build' if same else 'OTHER BYTES'}")
     return same

@@ -4,6 +4,7 @@ use super::mesh_check::{CheckOutcome, require_sound};
 use super::mesh_close::{ClosedStore, MeshClosing};
 use super::mesh_detail::{self, MeshDetail};
 use super::mesh_place::{self, MeshPlace, PlaceWish};
+use super::mesh_quality::{self, Quality};
 use super::mesh_shells::{self, ShellChoice, Shells};
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg, OriginArg};
@@ -19,8 +20,8 @@ use crate::space::{LARGE_BYTES, require_space, tell_left_behind};
 use crate::units::{Size, Tolerance, Unit};
 use brickfield_engine::analysis::{Volumes, volume};
 use brickfield_engine::contour::{
-    Angles, ContourMethod, ContourOptions, Coordinates, MeshSink, MeshSummary, PlacedSink, ShellFilter,
-    contour, create_sink, create_sink_with_normals, foresee_triangles,
+    Angles, ContourMethod, ContourOptions, Coordinates, KeptCounts, MeshSink, MeshSummary, PlacedSink,
+    ShellFilter, contour, create_sink, create_sink_with_normals, foresee_triangles,
 };
 use brickfield_engine::fraction::FractionTree;
 use brickfield_engine::part::free_beside;
@@ -156,16 +157,10 @@ fn run_coarse(
         report.expected = Some(expected);
     }
     let most = mesh_detail::most_triangles(args, output)?;
-    if args.detail.is_none() && report.triangles < most / 10 * 9 {
-        let (output, triangles, factor) = (&report.output, report.triangles, made.lattice.factor());
-        let why = if factor == 1 {
-            "the store has no more"
-        } else {
-            "with more of them the volume would not be kept"
-        };
-        warn(&format!(
-            "{output}: {triangles} triangles are fewer than nine tenths of {most}, which were asked for: {why}"
-        ));
+    if args.detail.is_none()
+        && let Some(why) = mesh_detail::fewer_triangles(&made, report.triangles, most)
+    {
+        warn(&format!("{}: {why}", report.output));
     }
     report.iso = made.kept.fraction;
     report.cell = made.lattice.cell();
@@ -202,17 +197,28 @@ fn write_chosen(
         let what = format!("{path}: none of {count} shells is left; choose a smaller --min-shell-volume");
         return Err(anyhow::anyhow!(what).into());
     }
+    if args.quality {
+        return mesh_quality::write_improved(chosen, (store, tree), options, (output, sink), bars);
+    }
+    Ok(write_kept(chosen, (store, tree), options, (output, sink), bars)?.0)
+}
+
+/// Contours a tree into the shells that are kept; returns the angles of their triangles, too.
+pub fn write_kept(
+    chosen: &ShellChoice,
+    (store, tree): (&Store, &dyn BrickTree),
+    options: &ContourOptions,
+    (output, sink): (&Path, &mut dyn MeshSink),
+    bars: &Bars,
+) -> Result<(MeshReport, Angles), Failure> {
     let mut some = ShellFilter::new(sink, &chosen.kept, &chosen.of);
     let mut report = write_tree(store, tree, options, output, &mut some, bars)?;
     if chosen.kept.contains(&false) {
-        let counted = some.counted();
-        (report.vertices, report.triangles) = (counted.vertices, counted.triangles);
-        (report.area, report.bounds) = (counted.area, counted.bounds.map(MeshBounds::Single));
-        report.volume = chosen.told.pieces.volume - chosen.told.voids.volume;
+        report.count(&some.counted(), chosen.told.pieces.volume - chosen.told.voids.volume);
     }
     report.shells = Some(chosen.told);
-    report.quality = Some(Quality::from(some.counted().angles)).filter(|_| args.quality);
-    Ok(report)
+    let angles = some.counted().angles;
+    Ok((report, angles))
 }
 
 /// Checks what was written, and tells of it.
@@ -383,7 +389,7 @@ pub struct MeshReport {
     shells: Option<Shells>,
     /// The angles of triangles, if they were asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
-    quality: Option<Quality>,
+    pub(super) quality: Option<Quality>,
     /// Where w is negative, though the meshes are closed.
     #[serde(skip_serializing_if = "Option::is_none")]
     negative_volume: Option<f64>,
@@ -424,20 +430,14 @@ struct BrickCache {
     ahead_used: u64,
 }
 
-/// How well triangles serve a solver.
-#[derive(Clone, Copy, Serialize)]
-struct Quality {
-    smallest_angle: f64,
-    below_5_degrees: u64,
-}
-
-impl From<Angles> for Quality {
-    fn from(angles: Angles) -> Quality {
-        Quality { smallest_angle: angles.smallest, below_5_degrees: angles.below_5 }
-    }
-}
-
 impl MeshReport {
+    /// Takes the counts of a mesh of which this is written.
+    pub(super) fn count(&mut self, counted: &KeptCounts, volume: f64) {
+        (self.vertices, self.triangles) = (counted.vertices, counted.triangles);
+        (self.area, self.volume) = (counted.area, volume);
+        self.bounds = counted.bounds.map(MeshBounds::Single);
+    }
+
     /// Of a mesh that was made elsewhere: its bounds are those in the store's world.
     pub(super) fn place(&mut self, place: MeshPlace) {
         let Some(base) = place.base() else { return };
@@ -497,11 +497,7 @@ impl MeshReport {
         let shells = self.shells.unwrap_or_default();
         text.extend(self.detail.iter().map(|detail| detail.text(&shells, unit)));
         text.extend(shells.text(unit));
-        if let Some(Quality { smallest_angle, below_5_degrees }) = self.quality {
-            text += &format!(
-                "\n  quality  angles of {smallest_angle:.3}° at least; {below_5_degrees} triangles have one below 5°"
-            );
-        }
+        text.extend(self.quality.iter().map(|quality| quality.text(unit)));
         if let Some(check) = &self.check {
             text += &format!("\n{}", check.text());
         }

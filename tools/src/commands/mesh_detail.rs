@@ -306,6 +306,21 @@ fn compared((fine, coarse): (&ShellRegions, &ShellRegions), unit: &str, kind: &s
     format!("{all}; {} in the mesh, {:.6} {unit}³: {what}", coarse.count, coarse.volume)
 }
 
+/// A warning that a mesh has fewer than nine tenths of the triangles that were asked for, and why.
+pub fn fewer_triangles(made: &SizedMesh, triangles: u64, most: u64) -> Option<String> {
+    let least = most / 10 * 9;
+    let why = if made.kept.summary.triangles >= least {
+        "the others were slivers, or of shells that are left out"
+    } else if made.lattice.factor() == 1 {
+        "the store has no more"
+    } else {
+        "with more of them the volume would not be kept"
+    };
+    let told =
+        format!("{triangles} triangles are fewer than nine tenths of {most}, which were asked for: {why}");
+    (triangles < least).then_some(told)
+}
+
 /// By how much of its volume a mesh may be off before a warning says so.
 const MOST_OFF: f64 = 1e-3;
 

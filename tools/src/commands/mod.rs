@@ -27,6 +27,7 @@ mod mesh_check;
 mod mesh_close;
 mod mesh_detail;
 mod mesh_place;
+mod mesh_quality;
 mod mesh_shells;
 pub mod offset;
 mod operands;

@@ -57,6 +57,7 @@
 //! | `order` | leaves in parallel, their output in order |
 //! | `tagged` | triangles with the lattice edges that they are around, for measuring |
 //! | `sink` | arrays; STL, PLY and OBJ files |
+//! | `quality` | triangles with better angles |
 //! | `shells` | connected surfaces: their volumes, which lie in which, meshes of some |
 
 mod adaptive;
@@ -89,6 +90,7 @@ mod order;
 mod planes;
 mod polygons;
 mod qef;
+mod quality;
 mod shells;
 mod single_brick;
 mod sink;
@@ -108,6 +110,7 @@ mod vertices;
 pub use cut::{Cuts, MeshTriangle};
 pub use forecast::foresee_triangles;
 pub use options::{ContourMethod, ContourOptions, MeshSummary};
+pub use quality::{IMPROVED_BYTES_A_TRIANGLE, ImprovedSink};
 pub use shells::{Angles, KeptCounts, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellFilter, ShellSink};
 pub use single_brick::{SingleBrick, SingleBrickCells, has_one_sheet};
 pub use sink::{
@@ -167,6 +170,8 @@ pub fn contour(
     } else {
         lone_triangles(&field, options.method, sink, progress, &mut summary)?;
     }
+    // What a sink does at the end may need the memory of the caches.
+    drop(field);
     sink.finish()?;
     Ok(summary)
 }

@@ -57,7 +57,7 @@ impl MeshSink for ShellSink {
         true
     }
 
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+    fn vertices_with_normals(&mut self, positions: &[[f32; 3]], _: &[[f32; 3]]) -> Result<()> {
         self.positions.extend_from_slice(positions);
         self.sets.extend(positions.len());
         self.volumes.resize(self.positions.len(), 0.0);
@@ -105,7 +105,7 @@ impl MeshSink for ShellSink {
 }
 
 /// The volume of the tetrahedron of a triangle and a point.
-fn volume(corners: &[[f32; 3]; 3], origin: [f32; 3]) -> f64 {
+pub(super) fn volume(corners: &[[f32; 3]; 3], origin: [f32; 3]) -> f64 {
     let [a, b, c] = corners.map(|p| minus(p.map(f64::from), origin.map(f64::from)));
     dot(a, cross(b, c)) / 6.0
 }
@@ -163,7 +163,7 @@ impl MeshSink for NestingSink<'_> {
         true
     }
 
-    fn vertices(&mut self, _: &[[f32; 3]]) -> Result<()> {
+    fn vertices_with_normals(&mut self, _: &[[f32; 3]], _: &[[f32; 3]]) -> Result<()> {
         Ok(())
     }
 
@@ -245,6 +245,22 @@ pub struct KeptCounts {
     pub angles: Angles,
 }
 
+impl KeptCounts {
+    /// Counts a vertex.
+    pub(super) fn add_vertex(&mut self, position: &[f32; 3]) {
+        self.vertices += 1;
+        let before = self.bounds.unwrap_or([*position; 2]);
+        self.bounds = Some(super::frame::united(before, [*position; 2]));
+    }
+
+    /// Counts triangles.
+    pub(super) fn add(&mut self, facets: &[MeshTriangle]) {
+        self.triangles += facets.len() as u64;
+        facets.iter().for_each(|facet| self.angles.add(&facet.corners));
+        self.area += facets.iter().map(|facet| area(&facet.corners)).sum::<f64>();
+    }
+}
+
 /// Angles of the triangles of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angles {
@@ -269,7 +285,7 @@ impl Angles {
 }
 
 /// The smallest angle of a triangle in degrees.
-fn smallest_angle(corners: &[[f32; 3]; 3]) -> f64 {
+pub(super) fn smallest_angle(corners: &[[f32; 3]; 3]) -> f64 {
     let at = corners.map(|p| p.map(f64::from));
     let angle = |n: usize| {
         let (u, v) = (minus(at[(n + 1) % 3], at[n]), minus(at[(n + 2) % 3], at[n]));
@@ -314,9 +330,7 @@ impl MeshSink for ShellFilter<'_> {
             let is_kept = self.is_kept(self.numbers.len());
             self.numbers.push(self.counted.vertices as u32);
             if is_kept {
-                self.counted.vertices += 1;
-                let before = self.counted.bounds.unwrap_or([*position; 2]);
-                self.counted.bounds = Some(super::frame::united(before, [*position; 2]));
+                self.counted.add_vertex(position);
                 kept.push(*position);
                 their.extend(normals.get(n));
             }
@@ -332,9 +346,7 @@ impl MeshSink for ShellFilter<'_> {
         let facets: Vec<MeshTriangle> = kept
             .map(|facet| MeshTriangle { ids: facet.ids.map(|id| self.numbers[id as usize]), ..*facet })
             .collect();
-        self.counted.triangles += facets.len() as u64;
-        facets.iter().for_each(|facet| self.counted.angles.add(&facet.corners));
-        self.counted.area += facets.iter().map(|facet| area(&facet.corners)).sum::<f64>();
+        self.counted.add(&facets);
         self.inner.triangles(&facets)
     }
 

@@ -22,11 +22,11 @@ const LEAST_GAP: f64 = 1e-12;
 /// Directions that are tried for one vertex.
 const DIRECTIONS: usize = 12;
 
-pub(super) type TriangleCorners = [[f32; 3]; 3];
+pub(in crate::contour) type TriangleCorners = [[f32; 3]; 3];
 
 /// A corner in 64 bits.
 #[inline]
-pub(super) fn wide([x, y, z]: [f32; 3]) -> DVec3 {
+pub(in crate::contour) fn wide([x, y, z]: [f32; 3]) -> DVec3 {
     DVec3::new(f64::from(x), f64::from(y), f64::from(z))
 }
 
@@ -36,7 +36,7 @@ fn all_wide([a, b, c]: &TriangleCorners) -> [DVec3; 3] {
 }
 
 /// The normal of a triangle, of length one; zero for one that is too slim.
-pub(super) fn normal(corners: &TriangleCorners) -> DVec3 {
+pub(in crate::contour) fn normal(corners: &TriangleCorners) -> DVec3 {
     let [a, b, c] = all_wide(corners);
     let (u, v) = (b - a, c - a);
     let normal = u.cross(v);
@@ -87,7 +87,7 @@ fn facing(sectors: &[Sector]) -> Option<DVec3> {
 }
 
 /// Whether a plane surely separates two triangles with these normals.
-pub(super) fn are_apart(a: &TriangleCorners, b: &TriangleCorners, normals: [DVec3; 2]) -> bool {
+pub(in crate::contour) fn are_apart(a: &TriangleCorners, b: &TriangleCorners, normals: [DVec3; 2]) -> bool {
     let ([p, q, r], [s, t, u]) = (all_wide(a), all_wide(b));
     let (own, other) = ([DVec3::ZERO, q - p, r - p], [s - p, t - p, u - p]);
     let reach = own[1].abs().max(own[2].abs()).max(other[0].abs()).max(other[1].abs()).max(other[2].abs());
@@ -113,11 +113,11 @@ fn span([a, b, c]: &[DVec3; 3], axis: DVec3) -> [f64; 2] {
 }
 
 /// Least and greatest coordinates.
-pub(super) type Bounds = [[f32; 3]; 2];
+pub(in crate::contour) type Bounds = [[f32; 3]; 2];
 
 /// Of a triangle.
 #[inline]
-pub(super) fn bounds([a, b, c]: &TriangleCorners) -> Bounds {
+pub(in crate::contour) fn bounds([a, b, c]: &TriangleCorners) -> Bounds {
     let low = |n: usize| a[n].min(b[n]).min(c[n]);
     let high = |n: usize| a[n].max(b[n]).max(c[n]);
     [[low(0), low(1), low(2)], [high(0), high(1), high(2)]]
@@ -125,7 +125,7 @@ pub(super) fn bounds([a, b, c]: &TriangleCorners) -> Bounds {
 
 /// Whether two boxes have a point in common.
 #[inline]
-pub(super) fn meets([low, high]: &Bounds, other: &Bounds) -> bool {
+pub(in crate::contour) fn meets([low, high]: &Bounds, other: &Bounds) -> bool {
     let along = |n: usize| low[n] <= other[1][n] && other[0][n] <= high[n];
     along(0) && along(1) && along(2)
 }

@@ -69,6 +69,7 @@ mod self_intersections;
 mod triangle_grid;
 mod vertex_merge;
 
+pub(super) use bounds::{Bounds, TriangleCorners, are_apart, bounds, meets, normal, wide};
 pub(super) use cross_leaf::CrossLeafMerges;
 pub(super) use edge::{OWN, turns};
 pub(super) use edge_filter::{EdgeFilter, NumberedEdge};

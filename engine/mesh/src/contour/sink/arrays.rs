@@ -67,7 +67,7 @@ impl MeshSink for MeshArrays {
 }
 
 impl MeshSink for PositionsSink {
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+    fn vertices_with_normals(&mut self, positions: &[[f32; 3]], _: &[[f32; 3]]) -> Result<()> {
         self.positions.extend_from_slice(positions);
         Ok(())
     }

@@ -28,8 +28,8 @@ pub use three_mf_parts::{MeshPart, write_three_mf_parts};
 pub use vtp::{NumbersOf, VtpFile, vtp_corners};
 
 /// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that
-/// keeps a mesh has its own `vertices` and `triangles`, or, with normals, `wants_normals`, `vertices_with_normals` and
-/// `triangles`; one that writes a file its own `encoding` and `encoded`.
+/// keeps a mesh has its own `vertices_with_normals` and `triangles`, and `wants_normals` if it does; one that writes a file its
+/// own `encoding` and `encoded`.
 pub trait MeshSink: Send {
     /// Whether triangles name vertices by number. If not, no vertices are handed over, and the numbers in
     /// [`MeshTriangle::ids`] mean nothing.
@@ -49,11 +49,12 @@ pub trait MeshSink: Send {
     fn folder(&self) -> Option<&Path> {
         None
     }
-    /// The next vertices, world positions; the first one ever has number 0.
+    /// The next vertices, world positions; the first one ever has number 0. Nobody has one of its own: all go the way of those
+    /// with normals.
     fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
         self.vertices_with_normals(positions, &[])
     }
-    /// The same for a sink that wants normals, with as many of them: outward, of length one.
+    /// The same with normals, outward and of length one: as many of them for a sink that wants some, none for others.
     fn vertices_with_normals(&mut self, positions: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<()> {
         let Some(encoding) = self.encoding() else { return Ok(()) };
         if self.wants_normals() && normals.len() != positions.len() {

@@ -125,7 +125,7 @@ impl MeshSink for PlacedSink<'_> {
         }
     }
 
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+    fn vertices_with_normals(&mut self, positions: &[[f32; 3]], _: &[[f32; 3]]) -> Result<()> {
         let mut bytes = std::mem::take(&mut self.bytes);
         bytes.clear();
         let is_obj = matches!(self.file, PlacedFile::Obj(_));

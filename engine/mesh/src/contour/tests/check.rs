@@ -13,7 +13,7 @@ pub struct TestMesh {
 }
 
 impl MeshSink for TestMesh {
-    fn vertices(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+    fn vertices_with_normals(&mut self, positions: &[[f32; 3]], _: &[[f32; 3]]) -> Result<()> {
         assert!(self.facets.is_empty() && !self.is_finished);
         self.positions.extend_from_slice(positions);
         Ok(())

@@ -10,6 +10,7 @@ mod masks;
 mod meetings;
 mod normals;
 pub(super) mod one_by_one;
+mod quality;
 mod rounding;
 
 use super::*;
@@ -378,7 +379,7 @@ impl MeshSink for Lone {
     fn shares_vertices(&self) -> bool {
         false
     }
-    fn vertices(&mut self, _: &[[f32; 3]]) -> Result<()> {
+    fn vertices_with_normals(&mut self, _: &[[f32; 3]], _: &[[f32; 3]]) -> Result<()> {
         unreachable!("none are wanted")
     }
     fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {

@@ -13,9 +13,6 @@ impl MeshSink for Shaded {
     fn wants_normals(&self) -> bool {
         true
     }
-    fn vertices(&mut self, _: &[[f32; 3]]) -> Result<()> {
-        unreachable!("normals are wanted")
-    }
     fn vertices_with_normals(&mut self, positions: &[[f32; 3]], normals: &[[f32; 3]]) -> Result<()> {
         assert_eq!(positions.len(), normals.len());
         self.normals.extend_from_slice(normals);
