@@ -2,6 +2,11 @@ const by = (id) => document.getElementById(id);
 const canvas = document.querySelector("canvas"), said = document.querySelector("output");
 const decoded = (id) => Uint8Array.from(atob(by(id).textContent.trim()), (c) => c.charCodeAt(0));
 const say = (text) => { said.textContent = text };
+// The worker begins before all else: it has the longest way.
+const data = by("data").textContent.trim(), is_file = !data && location.protocol === "file:";
+const worker = new Worker(URL.createObjectURL(new Blob([by("worker").textContent], { type: "text/javascript" })));
+worker.onmessage = take;
+if (!is_file) worker.postMessage({ decoder: decoded("decoder"), ...(data ? { bytes: decoded("data") } : { address: new URL("part.bsp", location.href).href }) });
 
 // What the file says of itself, once its header is there.
 let part = null;
@@ -207,7 +212,7 @@ function take({ data: told }) {
   if (told.count !== undefined) show(told);
   tell();
 }
-function show({ level, whole, count, rows, places, others, last, received, milliseconds }) {
+function show({ level, whole, count, rows, places, others, last, received, milliseconds, at }) {
   if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE)) {
     state.done = true;
     worker.postMessage({ stop: true, drawn: true });
@@ -218,7 +223,7 @@ function show({ level, whole, count, rows, places, others, last, received, milli
     texture(2, gl.R32UI, 4096, rows, gl.RED_INTEGER, gl.UNSIGNED_INT, others)];
   gl.activeTexture(gl.TEXTURE0);
   Object.assign(state, { level, count, milliseconds });
-  news = { level, whole, count, received, given: performance.now() };
+  news = { level, whole, count, received, decoded: at - performance.timeOrigin };
   if (last) {
     state.done = true;
     by("level").value = level;
@@ -272,9 +277,6 @@ function mark() {
   ring.style.top = canvas.clientHeight / 2 - dot(from, up) * scale + "px";
 }
 
-const data = by("data").textContent.trim();
-const worker = new Worker(URL.createObjectURL(new Blob([by("worker").textContent], { type: "text/javascript" })));
-worker.onmessage = take;
 function window_size() {
   const ratio = window.devicePixelRatio || 1;
   resize(Math.max(1, Math.round(innerWidth * ratio)), Math.max(1, Math.round(innerHeight * ratio)));
@@ -354,7 +356,7 @@ by("level").addEventListener("change", (e) => {
 });
 // For programs that look at the page.
 window.brickfield = { state, view, resize, fit, draw, pick, picture: () => { draw(); return canvas.toDataURL() } };
-if (!data && location.protocol === "file:") {
+if (is_file) {
   state.error = "this folder shows itself through a web server only, as of: python3 -m http.server";
   say(state.error);
 } else if (!state.error) {
@@ -362,6 +364,4 @@ if (!data && location.protocol === "file:") {
   addEventListener("resize", window_size);
   window_size();
   if (!data) flow("Stop");
-  const address = new URL("part.bsp", location.href).href;
-  worker.postMessage({ decoder: decoded("decoder"), ...(data ? { bytes: decoded("data") } : { address }) });
-}
+} else worker.terminate();

@@ -73,7 +73,7 @@ class There {
 }
 const lost = (error) => error.name === "AbortError" ? error : new Lost("the server does not answer");
 
-let e, source, base, ready = false, running = false, stopped = false, shown = true, given = 0, began = 0;
+let e, compiled, source, base, ready = false, running = false, stopped = false, shown = true, given = 0, began = 0;
 // Units that are known and decoded, the deepest level that is whole, the one that is wanted; what was drawn last.
 let directory = [], next = 0, whole = 0, wanted = 0, count = 0, units = 0, ends = [0];
 
@@ -112,7 +112,7 @@ function give(level) {
   }
   shown = false;
   given = performance.now();
-  const told = { level, whole, count, rows, places, others, last: whole >= wanted, received: source.received, milliseconds: given - began };
+  const told = { level, whole, count, rows, places, others, last: whole >= wanted, received: source.received, milliseconds: given - began, at: performance.timeOrigin + given };
   postMessage(told, [places.buffer, others.buffer]);
 }
 // Entries of the directory, which say where units are.
@@ -137,6 +137,7 @@ async function open() {
   // Without ranges all of the directory comes first.
   const entries = source.ranges && !source.patient ? Math.min(units, Math.floor((FIRST - HEAD) / ENTRY)) : units;
   const begin = await bytesOf(0, HEAD + ENTRY * entries), head = await bytesOf(start, base);
+  e = (await compiled).instance.exports;
   put(begin, head);
   if (!e.open(entries)) throw Error("its head is damaged");
   learn(begin.subarray(HEAD));
@@ -243,9 +244,7 @@ function pick({ from, along, highest, open, origin, edge }) {
 onmessage = async ({ data }) => {
   if (data.decoder) {
     began = performance.now();
-    try {
-      e = (await WebAssembly.instantiate(data.decoder, {})).instance.exports;
-    } catch (error) { return postMessage({ error: String(error.message || error) }) }
+    compiled = WebAssembly.instantiate(data.decoder, {});
     source = data.bytes ? new Here(data.bytes) : new There(data.address);
     return run();
   }
