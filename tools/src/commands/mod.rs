@@ -28,6 +28,7 @@ mod mesh_close;
 mod mesh_detail;
 mod mesh_place;
 mod mesh_shells;
+mod mesh_tiles;
 pub mod offset;
 mod operands;
 pub mod overlap;

@@ -57,6 +57,7 @@
 //! | `order` | leaves in parallel, their output in order |
 //! | `tagged` | triangles with the lattice edges that they are around, for measuring |
 //! | `sink` | arrays; STL, PLY and OBJ files |
+//! | `tiles` | a folder of tiles: all levels, a file a node |
 //! | `shells` | connected surfaces: their volumes, which lie in which, meshes of some |
 
 mod adaptive;
@@ -99,6 +100,7 @@ mod symmetric;
 mod tagged;
 #[cfg(test)]
 mod tests;
+mod tiles;
 mod topology;
 mod transition_cells;
 mod triangle_names;
@@ -118,6 +120,7 @@ pub use sink::{
 };
 
 pub use tagged::{Bend, EdgeFacet, edge_facets};
+pub use tiles::{TilesSummary, write_tiles};
 
 use crate::error::{Error, Result};
 use crate::part::temporary::require_folder;
