@@ -1,6 +1,7 @@
 //! The mesh of a level in memory, and which of its triangles are whose.
 
-use super::super::{MeshSink, MeshTriangle};
+use super::super::cut::MeshTriangle;
+use super::super::sink::MeshSink;
 use super::tile::{TileMesh, tile_bytes};
 use super::tileset::TileGrid;
 use crate::error::Result;

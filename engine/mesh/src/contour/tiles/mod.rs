@@ -25,13 +25,11 @@ use level::LevelMesh;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
-use tileset::TileGrid;
+use tileset::{CONTENT, SUBTREES, TileGrid};
 
 /// Tiles that are made at once.
 const TOGETHER: usize = 256;
-/// Folders of tiles, and the name of the file that programs open.
-const CONTENT: &str = "content";
-const SUBTREES: &str = "subtrees";
+/// The file that programs open.
 const TILESET: &str = "tileset.json";
 
 /// What was written.

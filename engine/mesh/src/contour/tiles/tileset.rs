@@ -3,10 +3,12 @@
 //! A *subtree* is some levels below a node: a bit a node for whether it is a tile, one for whether it has a file, and one for each
 //! place below the last level for whether a subtree goes on there.
 
-use super::{CONTENT, SUBTREES};
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
 use std::collections::BTreeSet;
 
+/// Folders of tiles and of their availability.
+pub(super) const CONTENT: &str = "content";
+pub(super) const SUBTREES: &str = "subtrees";
 /// Most levels of a subtree that is the only one, and levels of each where there are several.
 const LONE_LEVELS: u8 = 5;
 const SUBTREE_LEVELS: u8 = 4;
