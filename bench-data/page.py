@@ -2,114 +2,60 @@
 """Opens a page that `brickfield splats -o part.html` wrote in a headless Chromium, and compares its picture with that of
 `brickfield render --splats`.
 
-    page.py PAGE.html PICTURE.png [--save SEEN.png] [--chromium PROGRAM]
+    page.py PAGE.html PICTURE.png [--view AZIMUTH,ELEVATION] [--perspective DEGREES] [--picks POINTS.csv] [--save SEEN.png]
+            [--chromium PROGRAM]
 
-PICTURE.png is of the same part, `--view iso`, any size. Fails if the page writes to the console, asks for anything, or if fewer
-than 99 of 100 pixels are within 24 of 255 of the picture's. Needs Pillow (pip) and chromium (Debian)."""
+PICTURE.png is of the same part, by default `--view iso`, any size. Fails if the page writes to the console, asks for anything,
+or if fewer than 99 of 100 pixels are within 24 of 255 of the picture's. `--picks` clicks on a grid of pixels and writes the
+places that the page tells, as `brickfield sample` reads them. Fails if a place is not seen where it was clicked. Needs Pillow
+(pip) and chromium (Debian)."""
 
 import argparse
 import base64
 import io
 import json
+import math
 import os
-import subprocess
 import sys
 import tempfile
 import time
 
-FLAGS = [
-    "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist", "--disable-extensions", "--no-first-run", "--remote-debugging-pipe",
-]
-SECONDS_MAX = 240
+from browser import Browser
 
-
-class Browser:
-    """A browser that is told what to do through a pipe."""
-
-    def __init__(self, program, profile):
-        (self.theirs_in, ours_out), (ours_in, self.theirs_out) = os.pipe(), os.pipe()
-        self.out, self.inp = os.fdopen(ours_out, "wb"), os.fdopen(ours_in, "rb")
-
-        def as_three_and_four():
-            first, second = os.dup(self.theirs_in), os.dup(self.theirs_out)
-            os.dup2(first, 3)
-            os.dup2(second, 4)
-
-        command = [program, *FLAGS, "--user-data-dir=" + profile, "about:blank"]
-        fds = {3, 4, self.theirs_in, self.theirs_out}
-        self.process = subprocess.Popen(command, preexec_fn=as_three_and_four, pass_fds=fds, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        os.close(self.theirs_in)
-        os.close(self.theirs_out)
-        self.number, self.session, self.events, self.rest = 0, None, [], b""
-
-    def message(self):
-        while b"\0" not in self.rest:
-            self.rest += os.read(self.inp.fileno(), 1 << 20)
-        text, self.rest = self.rest.split(b"\0", 1)
-        return json.loads(text)
-
-    def call(self, method, **params):
-        self.number += 1
-        call = {"id": self.number, "method": method, "params": params}
-        if self.session:
-            call["sessionId"] = self.session
-        self.out.write(json.dumps(call).encode() + b"\0")
-        self.out.flush()
-        while True:
-            message = self.message()
-            if message.get("id") == self.number:
-                if "error" in message:
-                    sys.exit(f"{method}: {message['error']}")
-                return message["result"]
-            self.events.append(message)
-
-    def value(self, text):
-        result = self.call("Runtime.evaluate", expression=text, returnByValue=True, awaitPromise=True)
-        if "exceptionDetails" in result:
-            sys.exit(f"{text}: {result['exceptionDetails']}")
-        return result["result"].get("value")
+STEP = 40
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("page")
     parser.add_argument("picture")
+    parser.add_argument("--view", default="-45,35.264389682754654")
+    parser.add_argument("--perspective", type=float, default=0)
+    parser.add_argument("--picks")
     parser.add_argument("--save")
     parser.add_argument("--chromium", default="chromium")
     args = parser.parse_args()
     from PIL import Image
 
     expected = Image.open(args.picture).convert("RGB")
-    width, height = expected.size
     with tempfile.TemporaryDirectory() as profile:
         browser = Browser(args.chromium, profile)
         try:
-            check(browser, args, expected, width, height, Image)
+            check(browser, args, expected, Image)
         finally:
-            browser.process.terminate()
-            browser.process.wait()
+            browser.close()
 
 
-def check(browser, args, expected, width, height, Image):
-    target = browser.call("Target.createTarget", url="about:blank")["targetId"]
-    browser.session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-    for domain in ["Runtime", "Log", "Network", "Page"]:
-        browser.call(domain + ".enable")
-    address = "file://" + os.path.abspath(args.page)
+def check(browser, args, expected, Image):
+    width, height = expected.size
+    address = f"file://{os.path.abspath(args.page)}#{args.view},{args.perspective}"
     began = time.monotonic()
-    browser.call("Page.navigate", url=address)
-    while True:
-        state = browser.value("window.brickfield ? JSON.stringify(brickfield.state) : ''")
-        state = json.loads(state) if state else {}
-        if state.get("done") or state.get("error"):
-            break
-        if time.monotonic() - began > SECONDS_MAX:
-            sys.exit("the page is not done: " + str(state))
-        time.sleep(0.1)
+    browser.page(address)
+    state = browser.settled()
     if state["error"]:
         sys.exit("the page says: " + state["error"])
     seconds = time.monotonic() - began
+    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
     look = f"brickfield.resize({width}, {height}); brickfield.fit();"
     look += "{ const t = performance.now(); const p = brickfield.picture(); JSON.stringify([p, performance.now() - t]) }"
     picture, milliseconds = json.loads(browser.value(look))
@@ -120,19 +66,51 @@ def check(browser, args, expected, width, height, Image):
     off = [max(abs(a - b) for a, b in zip(p, q)) for p, q in zip(*pixels)]
     drawn = sum(1 for p in pixels[0] if p != (255, 255, 255))
     near = sum(1 for o in off if o <= 24) / len(off)
-    events = [e for e in browser.events if e.get("method") in ("Runtime.consoleAPICalled", "Log.entryAdded", "Runtime.exceptionThrown")]
-    asked = [e["params"]["request"]["url"][:80] for e in browser.events if e.get("method") == "Network.requestWillBeSent"]
-    asked = [url for url in asked if url != address and not url.startswith(("data:", "blob:"))]
+    picks = picked(browser, args.picks, seen) if args.picks else {}
+    console, asked = browser.said()
+    asked = [url for url in asked if url != address.split("#")[0]]
     report = {
         "splats": state["count"], "decoding_s": round(state["milliseconds"] / 1000, 2), "done_s": round(seconds, 2),
         "frame_s": round(milliseconds / 1000, 2), "pixels_drawn": drawn, "within_24": round(near, 5),
-        "within_2": round(sum(1 for o in off if o <= 2) / len(off), 5), "console": len(events), "requests": len(asked),
+        "within_2": round(sum(1 for o in off if o <= 2) / len(off), 5), "console": len(console), "requests": len(asked), **picks,
     }
     print(json.dumps(report))
-    for event in events:
+    for event in console:
         print(json.dumps(event["params"])[:400], file=sys.stderr)
-    if events or asked or near < 0.99 or drawn < len(off) / 50:
+    if console or asked or near < 0.99 or drawn < len(off) / 50:
         sys.exit(f"the page is not as it should be; it asked for {asked}")
+    if picks and (picks["picks_seen"] < 0.98 * picks["picks"] or picks["picks_off_px"] > 1):
+        sys.exit("places are not where they were clicked")
+
+
+def picked(browser, path, seen):
+    """Clicks on a grid: how many places were told of those where something is seen, and how far they are from the click."""
+    lines, told, there, worst = [], 0, 0, 0.0
+    for y in range(STEP // 2, seen.height, STEP):
+        for x in range(STEP // 2, seen.width, STEP):
+            around = [seen.getpixel((min(max(x + dx, 0), seen.width - 1), min(max(y + dy, 0), seen.height - 1))) for dx in (-2, 0, 2) for dy in (-2, 0, 2)]
+            if (255, 255, 255) in around:
+                continue
+            there += 1
+            browser.value("brickfield.state.picked = null")
+            for kind in ["mousePressed", "mouseReleased"]:
+                browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+            found = None
+            for _ in range(100):
+                found = browser.value("JSON.stringify(brickfield.state.picked)")
+                found = json.loads(found) if found else None
+                if found:
+                    break
+                time.sleep(0.05)
+            if not found:
+                continue
+            told += 1
+            ring = browser.value("(({ left, top }) => [parseFloat(left), parseFloat(top)])(document.querySelector('i').style)")
+            worst = max(worst, math.dist(ring, (x, y)))
+            lines.append(",".join(repr(c) for c in found["at"]))
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("x,y,z\n" + "\n".join(lines) + "\n")
+    return {"picks": there, "picks_seen": told, "picks_off_px": round(worst, 3)}
 
 
 main()

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Serves a folder by byte ranges, as slowly as a far server, and tells what it was asked for.
 
-    serve.py FOLDER [--port 8765] [--delay SECONDS]
+    serve.py FOLDER [--port 8765] [--delay SECONDS] [--rate MBIT] [--no-ranges]
 
-A delay is added to each request. `GET /?count` answers the requests and bytes since it was asked last, as JSON.
+A delay is added to each request. All answers together get so many megabits a second. Without ranges every answer is the whole
+file. `GET /?count` answers the requests and bytes since it was asked last, as JSON.
 """
 
 import argparse
@@ -15,10 +16,14 @@ import threading
 import time
 from email.utils import formatdate
 
+# Bytes that are sent at once, and how long a sleep may be too long.
+PIECE = 4096
+LATE = 0.005
+
 
 class Handler(http.server.BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
-    lock, requests, sent = threading.Lock(), 0, 0
+    lock, requests, sent, free = threading.Lock(), 0, 0, 0.0
 
     def do_GET(self):
         if self.path == "/?count":
@@ -27,16 +32,22 @@ class Handler(http.server.BaseHTTPRequestHandler):
                 Handler.requests = Handler.sent = 0
             return self.answer(200, json.dumps(counted).encode())
         time.sleep(self.server.delay)
-        path = os.path.join(self.server.folder, os.path.basename(self.path))
+        if self.server.cut:
+            self.close_connection = True
+            return None
+        name = self.path.split("?")[0]
+        path = os.path.join(self.server.folder, "index.html" if name == "/" else os.path.basename(name))
         if not os.path.isfile(path):
             return self.answer(404, b"")
         stat = os.stat(path)
         head = {
             "ETag": f'"{stat.st_mtime_ns:x}-{stat.st_size:x}"',
             "Last-Modified": formatdate(stat.st_mtime, usegmt=True),
-            "Accept-Ranges": "bytes",
+            "Content-Type": "text/html" if path.endswith(".html") else "application/octet-stream",
         }
-        asked = re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers.get("Range", ""))
+        if self.server.ranges:
+            head["Accept-Ranges"] = "bytes"
+        asked = self.server.ranges and re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers.get("Range", ""))
         first, last = (int(asked[1]), min(int(asked[2]), stat.st_size - 1)) if asked else (0, stat.st_size - 1)
         if first > last:
             return self.answer(416, b"", {"Content-Range": f"bytes */{stat.st_size}"})
@@ -45,7 +56,6 @@ class Handler(http.server.BaseHTTPRequestHandler):
             body = file.read(last - first + 1)
         with Handler.lock:
             Handler.requests += 1
-            Handler.sent += len(body)
         if asked:
             head["Content-Range"] = f"bytes {first}-{last}/{stat.st_size}"
         self.answer(206 if asked else 200, body, head)
@@ -56,7 +66,30 @@ class Handler(http.server.BaseHTTPRequestHandler):
             self.send_header(name, value)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
-        self.wfile.write(body)
+        for at in range(0, len(body), PIECE):
+            piece = body[at : at + PIECE]
+            self.wait(len(piece))
+            if self.server.cut:
+                self.close_connection = True
+                return
+            try:
+                self.wfile.write(piece)
+            except OSError:
+                # Whoever asked has gone.
+                self.close_connection = True
+                return
+            with Handler.lock:
+                Handler.sent += len(piece)
+
+    def wait(self, count):
+        """Until the line is free, which `count` bytes then take."""
+        if not self.server.rate:
+            return
+        with Handler.lock:
+            now = time.monotonic()
+            Handler.free = max(Handler.free, now - LATE) + count * 8 / (self.server.rate * 1e6)
+            until = Handler.free
+        time.sleep(max(0.0, until - now))
 
     def log_message(self, *_):
         pass
@@ -67,15 +100,24 @@ class Server(http.server.ThreadingHTTPServer):
     daemon_threads = True
 
 
+def started(folder, port=0, delay=0.0, rate=0.0, ranges=True):
+    """A server, which answers when it is told to."""
+    server = Server(("127.0.0.1", port), Handler)
+    server.folder, server.delay, server.rate, server.ranges = folder, delay, rate, ranges
+    # Whether the line is cut: nothing is sent any more.
+    server.cut = False
+    return server
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder")
     parser.add_argument("--port", type=int, default=8765)
     parser.add_argument("--delay", type=float, default=0.0)
+    parser.add_argument("--rate", type=float, default=0.0)
+    parser.add_argument("--no-ranges", action="store_true")
     args = parser.parse_args()
-    server = Server(("127.0.0.1", args.port), Handler)
-    server.folder, server.delay = args.folder, args.delay
-    server.serve_forever()
+    started(args.folder, args.port, args.delay, args.rate, not args.no_ranges).serve_forever()
 
 
 if __name__ == "__main__":

@@ -42,6 +42,7 @@ mod program {
     mod store;
     mod summaries;
     mod thin;
+    mod tiles;
     mod toolpaths;
     mod traps;
     mod usage;

@@ -189,6 +189,36 @@ fn a_page_has_all_that_it_needs() {
 }
 
 #[test]
+fn a_folder_for_servers_has_a_page_and_the_same_splats() {
+    let dir = Scratch::new();
+    let store = boxes(&dir);
+    let bsp = dir.path("boxes.bsp");
+    run(&[&"splats", &store, &"-o", &bsp]).ok();
+    let folder = dir.path("viewer");
+    let named = format!("{}/", folder.display());
+    let told = run(&[&"splats", &store, &"-o", &named, &"--json"]).json();
+    assert_eq!(std::fs::read(folder.join("part.bsp")).unwrap(), std::fs::read(&bsp).unwrap());
+    let page = std::fs::read_to_string(folder.join("index.html")).unwrap();
+    assert_eq!(told["bytes"].as_u64().unwrap(), page.len() as u64 + std::fs::metadata(&bsp).unwrap().len());
+    // It may ask its own server, and no other.
+    assert!(page.contains("default-src 'none'") && page.contains("connect-src 'self'\">"));
+    for asks in
+        ["http:", "https:", "src=", "@import", "@CONNECT@", "@WORKER@", "@SHADERS@", "@VIEWER@", "@DATA@"]
+    {
+        assert!(!page.contains(asks), "{asks}");
+    }
+    // Other files in the folder stay, and a folder that is there needs no sign at its end.
+    std::fs::write(folder.join("other.txt"), "mine").unwrap();
+    std::fs::write(folder.join("part.bsp"), "old").unwrap();
+    run(&[&"splats", &store, &"-o", &folder]).ok();
+    assert_eq!(std::fs::read(folder.join("part.bsp")).unwrap(), std::fs::read(&bsp).unwrap());
+    assert_eq!(std::fs::read_to_string(folder.join("other.txt")).unwrap(), "mine");
+    // What is not there is not made with all that is above it.
+    let deep = format!("{}/a/b/", dir.path("none").display());
+    assert!(run(&[&"splats", &store, &"-o", &deep]).failed().contains("make the folder"));
+}
+
+#[test]
 fn wrong_usage_and_damage_are_told_in_a_line() {
     let dir = Scratch::new();
     let store = boxes(&dir);

@@ -28,12 +28,14 @@ Examples:
   brickfield mesh part.brf -o part.stl --check
   brickfield mesh part.brf -o light.stl --triangles 100000
   brickfield mesh part.brf -o tight.stl --close 0.5mm --detail 1mm
+  brickfield mesh part.brf -o tiles/tileset.json
   brickfield mesh --check part.stl")]
 pub struct MeshArgs {
     #[arg(value_name = "PART.brf|MESH", help = format!("The store; with --check and without -o the mesh to check: {}", mesh_formats()))]
     pub file: PathBuf,
     #[arg(long, short, value_name = "OUT", required_unless_present = "check",
-        help = format!("The mesh to write; its ending decides the format: {}", listed_mesh_endings(", ")))]
+        help = format!("The mesh to write; its ending decides the format: {}; or FOLDER/tileset.json, 3D Tiles of all levels",
+            listed_mesh_endings(", ")))]
     pub output: Option<PathBuf>,
     /// Check the mesh that was written, or without -o the one that is given
     #[arg(long)]

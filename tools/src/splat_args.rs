@@ -12,6 +12,7 @@ use std::path::PathBuf;
 The ending says the format.
   .bsp          all levels, coarse ones first, in a few bits a splat; `render --splats` draws it
   .html         a page with the same data in it: any browser turns and cuts the part, and asks for nothing else
+  FOLDER/       a page for large parts: index.html and part.bsp, which it reads by ranges from any server of files
   .ply          the finest picture as flat Gaussians, for SuperSplat, PlayCanvas, Spark and others
   .glb          the same in glTF (KHR_gaussian_splatting), for CesiumJS and others; points where that is not known; up to 4 GiB
 
@@ -21,13 +22,14 @@ at edges. With --error, cells are not divided where their splats are near enough
 Examples:
   brickfield splats part.brf -o part.bsp
   brickfield splats part.brf -o part.html
+  brickfield splats part.brf -o viewer/
   brickfield splats part.brf -o part.ply --error 0.05mm
   brickfield splats part.brf -o coarse.ply --level 2")]
 pub struct SplatsArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
-    /// The file to write; its ending decides the kind: .bsp, .html, .ply or .glb
+    /// The file to write; its ending decides the kind: .bsp, .html, .ply or .glb; or a folder, with / at its end
     #[arg(long, short, value_name = "OUT")]
     pub output: PathBuf,
     /// How far splats may be from the crossings that they stand for, as in 0.05mm [default: as near as cells of the finest

@@ -2,7 +2,9 @@
 //!
 //! The page writes a file's bytes to where [`input`] says, and reads splats from where [`output`] does.
 
-use brickfield_coding::bsp::{Cell, Clip, Entry, NodeCells, Splat, SplatTree, PAIRS};
+use brickfield_coding::bsp::{
+    Cell, Clip, Entry, Header, NodeCells, Splat, SplatTree, ENTRY_BYTES, HEADER_BYTES, PAIRS,
+};
 use std::cell::RefCell;
 
 thread_local! {
@@ -17,6 +19,13 @@ struct State {
     loaded: Vec<bool>,
 }
 
+impl State {
+    /// Has room for what the units known by now are.
+    fn know(&mut self) {
+        self.loaded.resize(self.tree.as_ref().map_or(0, |tree| tree.entries().len()), false);
+    }
+}
+
 /// Room for so many bytes; where it is.
 #[no_mangle]
 pub extern "C" fn input(bytes: usize) -> usize {
@@ -28,14 +37,32 @@ pub extern "C" fn input(bytes: usize) -> usize {
     })
 }
 
-/// Reads header, directory and head from the input: 1 if they are sound.
+/// Reads header, some entries of the directory and the head from the input: 1 if they are sound.
 #[no_mangle]
-pub extern "C" fn open() -> u32 {
+pub extern "C" fn open(entries: usize) -> u32 {
     STATE.with(|state| {
         let state = &mut *state.borrow_mut();
-        state.tree = SplatTree::open(&state.input).ok();
-        state.loaded = vec![false; state.tree.as_ref().map_or(0, |tree| tree.entries().len())];
+        state.tree = opened(&state.input, entries);
+        state.know();
         u32::from(state.tree.is_some())
+    })
+}
+
+fn opened(input: &[u8], entries: usize) -> Option<SplatTree> {
+    let header = Header::read(input).ok()?;
+    let head = HEADER_BYTES.checked_add(entries.checked_mul(ENTRY_BYTES)?)?;
+    let directory = input.get(HEADER_BYTES..head)?;
+    SplatTree::open_part(header, directory, &input[head..]).ok()
+}
+
+/// Reads the next entries of the directory from the input: 1 if they are sound.
+#[no_mangle]
+pub extern "C" fn entries() -> u32 {
+    STATE.with(|state| {
+        let state = &mut *state.borrow_mut();
+        let is_sound = state.tree.as_mut().map_or(false, |tree| tree.add_entries(&state.input).is_ok());
+        state.know();
+        u32::from(is_sound)
     })
 }
 

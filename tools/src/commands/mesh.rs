@@ -39,6 +39,9 @@ const BOUNDARY: f64 = 0.5;
 
 /// Runs the command.
 pub fn run(args: MeshArgs) -> Result<(), Failure> {
+    if let Some(output) = args.output.as_ref().filter(|output| super::mesh_tiles::is_tileset(output)) {
+        return super::mesh_tiles::run(&args, output);
+    }
     let iso = args.iso.unwrap_or(BOUNDARY);
     if !(iso > 0.0 && iso <= f64::from(i16::MAX)) {
         let what = "surfaces are where w rises above a number greater than 0, such as 0.5 or 1.5";

@@ -29,6 +29,7 @@ mod mesh_detail;
 mod mesh_place;
 mod mesh_quality;
 mod mesh_shells;
+mod mesh_tiles;
 pub mod offset;
 mod operands;
 pub mod overlap;

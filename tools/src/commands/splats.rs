@@ -10,7 +10,8 @@ use crate::units::{Size, Unit};
 use brickfield_engine::Progress;
 use brickfield_engine::part::directory_of;
 use brickfield_engine::splats::{
-    BspSummary, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_glb, write_page, write_ply,
+    BspSummary, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_glb, write_page, write_page_folder,
+    write_ply,
 };
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use serde_json::{Value, json};
@@ -23,10 +24,15 @@ enum Kind {
     Ply,
     Glb,
     Page,
+    Folder,
 }
 
 impl Kind {
     fn of(path: &Path) -> Result<Kind, Failure> {
+        let is_folder = path.as_os_str().as_encoded_bytes().ends_with(b"/");
+        if is_folder || path.is_dir() {
+            return Ok(Kind::Folder);
+        }
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or("").to_ascii_lowercase();
         match &*ending {
             "bsp" => Ok(Kind::Bsp),
@@ -34,7 +40,7 @@ impl Kind {
             "glb" => Ok(Kind::Glb),
             "html" => Ok(Kind::Page),
             _ => Err(Failure::Usage(format!(
-                "{}: the name of a file of splats ends in one of .bsp, .html, .ply, .glb",
+                "{}: the name of a file of splats ends in one of .bsp, .html, .ply, .glb, that of a folder with a page in /",
                 path.display()
             ))),
         }
@@ -46,7 +52,11 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     let kind = Kind::of(&args.output)?;
     let bars = start(args.work)?;
     let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Whole)?;
-    require_distinct(&[&args.output], &[&args.store])?;
+    let file = match kind {
+        Kind::Folder => &args.output.join("part.bsp"),
+        _ => &args.output,
+    };
+    require_distinct(&[file], &[&args.store])?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }
@@ -58,7 +68,7 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
             "write .bsp, or move the input nearer to the origin",
         )?;
     }
-    tell_left_behind(&args.output, args.work.quiet);
+    tell_left_behind(file, args.work.quiet);
     let error = match args.error {
         Some(error) => Some(error.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?),
         None => None,
@@ -75,6 +85,7 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
             of_gaussians(args, write_glb(&levels, args.level, metres, &args.output)?)
         }
         Kind::Page => page(args, &store, &levels, &bars)?,
+        Kind::Folder => page_folder(args, &store, &levels, &bars)?,
     };
     bars.clear();
     if args.json {
@@ -109,6 +120,18 @@ fn page(
     let meta = store.meta();
     let (bytes, summary) = bsp_bytes(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], bars)?;
     let written = write_page(&bytes, &args.output)?;
+    Ok(said(args, store, &summary, written))
+}
+
+fn page_folder(
+    args: &SplatsArgs,
+    store: &Store,
+    levels: &SplatLevels,
+    bars: &dyn Progress,
+) -> Result<SplatsReport, Failure> {
+    let meta = store.meta();
+    let bounds = [meta.bounds_min, meta.bounds_max];
+    let (written, summary) = write_page_folder(levels, &meta.unit, bounds, &args.output, bars)?;
     Ok(said(args, store, &summary, written))
 }
 

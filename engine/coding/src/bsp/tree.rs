@@ -35,6 +35,8 @@ pub struct SplatTree {
     directions: Directions,
     model: Model,
     pieces: BTreeMap<u64, NodeCells<Splat>>,
+    /// Checksum of the entries so far.
+    directory_crc: u32,
 }
 
 impl SplatTree {
@@ -49,23 +51,45 @@ impl SplatTree {
         }
         let directory = &bytes[super::HEADER_BYTES..header.head_start()];
         let head = &bytes[header.head_start()..header.units_start()];
-        if crc32(0, directory) != header.directory_crc {
-            return Err(Fault("its directory is damaged"));
-        }
-        if crc32(0, head) != header.head_crc {
+        SplatTree::open_part(header, directory, head)
+    }
+
+    /// The same where only a beginning of the directory is there yet, in whole entries; [`SplatTree::add_entries`] takes more.
+    ///
+    /// # Errors
+    /// What is wrong with what is there. The directory's checksum is checked when all of it is; units have their own.
+    pub fn open_part(header: Header, directory: &[u8], head: &[u8]) -> Result<SplatTree, Fault> {
+        if head.len() != header.head_bytes as usize || crc32(0, head) != header.head_crc {
             return Err(Fault("its head is damaged"));
         }
-        let entries = directory.chunks_exact(ENTRY_BYTES).map(Entry::read).collect::<Vec<_>>();
-        let mut starts = vec![header.units_start() as u64];
-        for entry in &entries {
-            starts.push(starts[starts.len() - 1] + u64::from(entry.bytes));
-        }
+        let starts = vec![header.units_start() as u64];
         let directions = Directions::new(header.radius);
-        let mut tree =
-            SplatTree { header, entries, starts, directions, model: Model::new(), pieces: BTreeMap::new() };
+        let (entries, model, pieces) = (Vec::new(), Model::new(), BTreeMap::new());
+        let mut tree = SplatTree { header, entries, starts, directions, model, pieces, directory_crc: 0 };
         tree.read_head(head).ok_or(Fault("its head says what cannot be"))?;
-        tree.check_directory()?;
+        tree.add_entries(directory)?;
         Ok(tree)
+    }
+
+    /// Takes in the next entries of the directory.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn add_entries(&mut self, directory: &[u8]) -> Result<(), Fault> {
+        let units = self.header.units as usize;
+        let more = directory.len() / ENTRY_BYTES;
+        if directory.len() % ENTRY_BYTES != 0 || more > units - self.entries.len() {
+            return Err(Fault("its directory says what cannot be"));
+        }
+        self.directory_crc = crc32(self.directory_crc, directory);
+        for entry in directory.chunks_exact(ENTRY_BYTES).map(Entry::read) {
+            self.starts.push(self.starts[self.starts.len() - 1] + u64::from(entry.bytes));
+            self.entries.push(entry);
+        }
+        if self.entries.len() == units && self.directory_crc != self.header.directory_crc {
+            return Err(Fault("its directory is damaged"));
+        }
+        self.check_directory()
     }
 
     fn read_head(&mut self, head: &[u8]) -> Option<()> {
@@ -90,16 +114,19 @@ impl SplatTree {
         }
     }
 
-    /// Entries go up, and those of the head's last level are just its divided nodes.
+    /// Entries go up, and those of the head's last level are just its divided nodes, as far as they are there.
     fn check_directory(&self) -> Result<(), Fault> {
         let fault = Err(Fault("its directory says what cannot be"));
+        let Header { head, deepest, units, .. } = self.header;
         let is_sorted = self.entries.windows(2).all(|pair| pair[0].key < pair[1].key);
         let level = |entry: &Entry| level_of(entry.key);
-        let is_deep =
-            |level: Option<u8>| level.map_or(false, |l| l >= self.header.head && l < self.header.deepest);
-        let first = self.entries.iter().filter(|entry| level(entry) == Some(self.header.head));
-        let is_first = self.header.head == self.header.deepest
-            || first.map(|entry| entry.key).collect::<Vec<_>>() == self.divided(self.header.head);
+        let is_deep = |level: Option<u8>| level.map_or(false, |l| l >= head && l < deepest);
+        let first = self.entries.iter().filter(|entry| level(entry) == Some(head));
+        let first = first.map(|entry| entry.key).collect::<Vec<_>>();
+        let divided = self.divided(head);
+        // Where no more entries of that level can come.
+        let is_whole = self.entries.len() == units as usize || first.len() < self.entries.len();
+        let is_first = head == deepest || first == divided || (!is_whole && divided.starts_with(&first));
         if is_sorted && is_first && self.entries.iter().all(|entry| is_deep(level(entry))) {
             Ok(())
         } else {

@@ -58,6 +58,7 @@
 //! | `tagged` | triangles with the lattice edges that they are around, for measuring |
 //! | `sink` | arrays; STL, PLY and OBJ files |
 //! | `quality` | triangles with better angles |
+//! | `tiles` | a folder of tiles: all levels, a file a node |
 //! | `shells` | connected surfaces: their volumes, which lie in which, meshes of some |
 
 mod adaptive;
@@ -101,6 +102,7 @@ mod symmetric;
 mod tagged;
 #[cfg(test)]
 mod tests;
+mod tiles;
 mod topology;
 mod transition_cells;
 mod triangle_names;
@@ -121,6 +123,7 @@ pub use sink::{
 };
 
 pub use tagged::{Bend, EdgeFacet, edge_facets};
+pub use tiles::{TilesSummary, write_tiles};
 
 use crate::error::{Error, Result};
 use crate::part::temporary::require_folder;

@@ -8,7 +8,7 @@
 //! | `disc` | a splat in the world |
 //! | `write` | files of splats, `.bsp` |
 //! | `read` | the same, read |
-//! | `page` | a page with its data |
+//! | `page` | pages with their data, and folders for servers |
 //! | `gaussian` | a splat as a flat Gaussian |
 //! | `ply`, `glb` | splats as other programs want them |
 //!
@@ -36,7 +36,7 @@ mod write;
 pub use disc::{Disc, discs_of_levels, discs_of_tree};
 pub use glb::write_glb;
 pub use levels::{LevelsOptions, SplatLevels};
-pub use page::write_page;
+pub use page::{write_page, write_page_folder};
 pub use ply::write_ply;
 pub use read::{read_bsp, read_tree};
 pub use write::{BspSummary, bsp_bytes, write_bsp};

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
-use crate::bsp::HEADER_BYTES;
+use crate::bsp::{HEADER_BYTES, SplatTree};
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey, Octant, RootCube};
 use crate::progress::Silent;
 use crate::store::{BrickTree, MemoryTree};
@@ -157,11 +157,11 @@ fn written(levels: &SplatLevels) -> (Vec<u8>, BspSummary) {
     bsp_bytes(levels, "mm", [[-1.0; 3], [1.0; 3]], &Silent).unwrap()
 }
 
-fn read(bytes: &[u8]) -> crate::bsp::SplatTree {
+fn read(bytes: &[u8]) -> SplatTree {
     read_tree(bytes, None, &Silent).unwrap().unwrap()
 }
 
-fn discs(tree: &crate::bsp::SplatTree, level: Option<u8>) -> Vec<Disc> {
+fn discs(tree: &SplatTree, level: Option<u8>) -> Vec<Disc> {
     let mut discs = Vec::new();
     discs_of_tree(tree, level, |disc| discs.push(disc));
     discs
@@ -297,6 +297,38 @@ fn damaged_files_are_refused() {
         damaged[at] ^= 1 << (at % 8);
         assert!(!is_read(&damaged), "changed at {at}");
     }
+}
+
+#[test]
+fn a_directory_may_come_in_pieces() {
+    let (bytes, _) = written(&levels(&tree(ball, 3), None));
+    let header = crate::bsp::Header::read(&bytes).unwrap();
+    let directory = &bytes[HEADER_BYTES..header.head_start()];
+    let head = &bytes[header.head_start()..header.units_start()];
+    let entry = crate::bsp::ENTRY_BYTES;
+    assert!(header.units > 20);
+    let open = |directory: &[u8]| SplatTree::open_part(header.clone(), directory, head);
+    for known in [0, 1, 5, 9, header.units as usize] {
+        let mut tree = open(&directory[..known * entry]).unwrap();
+        // A unit can be read as soon as its entry is there.
+        for unit in 0..known.min(8) {
+            let [start, end] = [unit, unit + 1].map(|n| tree.start(n) as usize);
+            let cells = tree.decode(unit, &bytes[start..end]).unwrap();
+            tree.take(unit, &cells);
+        }
+        directory[known * entry..].chunks(7 * entry).for_each(|more| tree.add_entries(more).unwrap());
+        assert_eq!(tree.entries(), read(&bytes).entries());
+        assert!(tree.add_entries(&directory[..entry]).is_err(), "more than there are");
+    }
+    assert!(open(&directory[..entry + 1]).is_err(), "part of an entry");
+    assert!(open(&directory[entry..2 * entry]).is_err(), "the first is missing");
+    let mut damaged = directory.to_vec();
+    damaged[12] ^= 1;
+    assert!(open(&damaged).is_err());
+    let mut tree = open(&damaged[..entry]).unwrap();
+    let [start, end] = [0, 1].map(|n| tree.start(n) as usize);
+    assert!(tree.decode(0, &bytes[start..end]).is_err(), "the unit's own checksum");
+    assert!(tree.add_entries(&damaged[entry..]).is_err());
 }
 
 /// Files that pass for sound by their checksums, whatever is in them.
