@@ -271,7 +271,7 @@ fn numbers_of_vertices_and_coarse_meshes_keep_far_places() {
     let said: Value = serde_json::from_str(&beside).unwrap();
     assert!(told["origin"] == said["origin"] && told["coordinate_bits"] == 32 && said["origin"].is_array());
     let shown = run(&[&"thickness", &far, &"-o", &dir.path("t.glb"), &"--origin", &"4500000,5350000,0"]).ok();
-    assert!(shown.contains("origin 4500000,5350000,0 m, to be added"), "{shown}");
+    assert!(shown.contains("origin 4500000,5350000,0 mm, to be added"), "{shown}");
     // Coarse meshes are those of the part where it is near.
     let (stl, ply) = (dir.path("c.stl"), dir.path("c.ply"));
     run(&[&"mesh", &far, &"-o", &stl, &"--detail", &"0.6", &"-q"]).failed();
