@@ -12,14 +12,14 @@ use super::blocks;
 use super::{Format, LevelSupport, Volume};
 use crate::analysis::{BrickBlock, Element};
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey};
+use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::part::PartFile;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::Walk;
 use hdf5::{Attribute, DataLayout, Datatype, Object};
 use std::path::Path;
-use streams::{StreamMaker, Streams};
+use streams::{CELLS, POINTS, StreamMaker, Streams};
 use tree::Chunk;
 
 /// The format.
@@ -29,10 +29,6 @@ pub(super) struct VtkHdf;
 const VERSION: [i64; 2] = [1, 0];
 /// Bricks that a thread makes at once.
 const BRICKS_AT_ONCE: usize = 8;
-/// Points of a block.
-const POINTS: usize = BRICK_POINTS * BRICK_POINTS * BRICK_POINTS;
-/// Cells of a block.
-const CELLS: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
 /// Bytes of a block of beads, compressed, points and cells.
 const BLOCK_BYTES: u128 = 8192;
 

@@ -1,10 +1,14 @@
 //! The compressed points and cells of blocks.
 
 use super::hdf5::Datatype;
-use super::{CELLS, POINTS};
 use crate::analysis::BrickBlock;
 use crate::export::zlib::Deflate;
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS};
+
+/// Points of a block.
+pub(super) const POINTS: usize = BRICK_POINTS * BRICK_POINTS * BRICK_POINTS;
+/// Cells of a block.
+pub(super) const CELLS: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
 
 /// The streams of a block: its points, its cells.
 pub(super) type Streams = [Vec<u8>; 2];
