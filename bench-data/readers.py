@@ -40,7 +40,7 @@ PYPI = [
     "pye57==0.4.19",
 ]
 OLD_VTK = ["numpy==1.26.4", "vtk==9.2.6"]
-DEBIAN = ["libopenvdb-tools", "python3-openvdb", "python3-numpy"]
+DEBIAN = ["libopenvdb-tools", "python3-openvdb", "python3-numpy", "python3-paraview", "blender"]
 POINTS = 10_000
 HERE = Path(__file__).resolve().parent
 
@@ -56,6 +56,14 @@ READERS = [
     ),
     ("vtk 9.7 vtkHDFReader", "vtkhdf", "env", "AMR"),
     ("vtk 9.2 vtkHDFReader", "vtkhdf", "old", "AMR"),
+    ("ParaView", "vtkhdf", "paraview", "AMR"),
+    (
+        "ParaView",
+        "vti",
+        "paraview",
+        "from paraview import simple, servermanager; m = servermanager.Fetch(simple.OpenDataFile(W)); d = m.GetDimensions(); "
+        "a = m.GetPointData().GetArray('w'); V = [a.GetTuple1(int((z * d[1] + y) * d[0] + x)) for x, y, z in I]",
+    ),
     (
         "h5py",
         "vtkhdf",
@@ -114,8 +122,8 @@ for x, y, z in I:
     ("tifffile", "tif", "env", "import tifffile as t; a = t.imread(W); V = a[I[:,2], I[:,1], I[:,0]]"),
 ]
 AMR = """
-import vtk
-r = vtk.vtkHDFReader()
+from vtkmodules.vtkIOHDF import vtkHDFReader
+r = vtkHDFReader()
 r.SetFileName(W)
 r.Update()
 o = r.GetOutputDataObject(0)
@@ -222,6 +230,36 @@ MESH_READERS = [
         "import lib3mf; from lib3mf import get_wrapper; model = get_wrapper().CreateModel(); "
         "model.QueryReader('3mf').ReadFromFile(W); i = model.GetMeshObjects(); i.MoveNext(); o = i.GetCurrentMeshObject(); "
         "V = solid([list(v.Coordinates) for v in o.GetVertices()], [list(t.Indices) for t in o.GetTriangleIndices()])",
+    ),
+]
+
+# Who opens meshes as a program of its own: its command, with SCRIPT for a file of the code, the mesh, and the code.
+PROGRAM_READERS = [
+    (
+        "ParaView",
+        ["pvpython", "SCRIPT"],
+        ["a.vtp", "double.vtp", "beads.vtp", "a.ply", "a.stl"],
+        "from paraview import simple, servermanager; from vtkmodules.util.numpy_support import vtk_to_numpy as n; "
+        "o = servermanager.Fetch(simple.OpenDataFile(W)); "
+        "V = solid(n(o.GetPoints().GetData()), n(o.GetPolys().GetConnectivityArray()).reshape(-1, 3))",
+    ),
+    (
+        "Blender",
+        ["blender", "-b", "-P", "SCRIPT"],
+        ["a.ply", "a.glb", "a.stl"],
+        """
+import sys
+sys.path.append('/usr/lib/python3/dist-packages')
+import bpy, numpy
+numpy.bool = bool  # Blender 3.4 of Debian 12 reads .glb with a name that its NumPy 1.24 no longer has.
+bpy.ops.wm.read_factory_settings(use_empty=True)
+kind = W.rsplit('.', 1)[1]
+{'ply': lambda: bpy.ops.import_mesh.ply(filepath=W), 'stl': lambda: bpy.ops.import_mesh.stl(filepath=W),
+ 'glb': lambda: bpy.ops.import_scene.gltf(filepath=W)}[kind]()
+mesh = next(o for o in bpy.context.scene.objects if o.type == 'MESH')
+place = mesh.matrix_world
+V = solid([list(place @ v.co) for v in mesh.data.vertices], [list(p.vertices) for p in mesh.data.polygons])
+""",
     ),
 ]
 
@@ -339,7 +377,8 @@ def read(python, code, path, chosen, folder):
         f"W = {str(path)!r}\nI = np.array(json.load(open({str(folder / 'chosen.json')!r})))\n"
         f"{code}\njson.dump([None if v is None else float(v) for v in V], open({str(folder / 'values.json')!r}, 'w'))\n"
     )
-    subprocess.run([str(python), "-c", script], check=True, capture_output=True, text=True)
+    (folder / "reader.py").write_text(script)
+    subprocess.run([str(python), folder / "reader.py"], check=True, capture_output=True, text=True)
     return json.loads((folder / "values.json").read_text())
 
 
@@ -372,7 +411,7 @@ def compare(program, store, folder, pythons):
             told = f"{len(pairs)} samples, {wrong} differ"
             agreed &= wrong == 0 and len(pairs) > 32**3
         except subprocess.CalledProcessError as error:
-            lines = error.stderr.strip().splitlines()
+            lines = error.stderr.strip().splitlines() or ["it ended with status %d" % error.returncode]
             if where == "system" and "No module" in lines[-1]:
                 print(f"{name:22} .{ending:7} NOT HERE: {lines[-1]}")
                 continue
@@ -433,7 +472,7 @@ def meshes(program, folder, python):
     store, agreed, told = folder / "beads.brf", True, {}
     run(program, "build", HERE / "clover.gcode", "-o", store, "--depth", "2", "--identity", "--quiet")
     more = {"double": ["--double"], "beads": ["--attributes", "bead,layer,feature"]}
-    for name in {name for _, name, _ in MESH_READERS}:
+    for name in sorted({name for _, name, _ in MESH_READERS} | {n for _, _, names, _ in PROGRAM_READERS for n in names}):
         options = more.get(name.split(".")[0], [])
         told[name] = json.loads(run(program, "mesh", store, "-o", folder / name, "--json", *options))
     for reader, name, code in MESH_READERS:
@@ -450,6 +489,36 @@ def meshes(program, folder, python):
         is_same = (vertices, triangles) == (wanted["vertices"], wanted["triangles"]) and off < 1e-6
         agreed &= is_same
         print(f"{reader:22} {name:12} {vertices:,} vertices, {triangles:,} triangles, volume off by {off:.1e}: {'same' if is_same else 'DIFFERS'}")
+    return programs(folder, told) and agreed
+
+
+def programs(folder, told):
+    """A line for each program that opens meshes; returns whether all count and measure what `mesh` tells."""
+    agreed = True
+    for reader, command, names, code in PROGRAM_READERS:
+        for name in names:
+            if not shutil.which(command[0]):
+                print(f"{reader:22} {name:12} NOT HERE: no such program as {command[0]}")
+                continue
+            script, result = folder / "reader.py", folder / "solid.json"
+            result.unlink(missing_ok=True)
+            script.write_text(f"import json\nW = {str(folder / name)!r}\n{SOLIDS}\n{code}\njson.dump(V, open({str(result)!r}, 'w'))\n")
+            ended = subprocess.run([script if word == "SCRIPT" else word for word in command], capture_output=True, text=True)
+            if not result.exists():
+                lines = (ended.stdout + ended.stderr).strip().splitlines()
+                wrong = [line for line in lines if "Error" in line] or lines
+                print(f"{reader:22} {name:12} {wrong[-1]}")
+                agreed = False
+                continue
+            vertices, triangles, volume = json.loads(result.read_text())
+            wanted = told[name]
+            scale = 1e9 if name.endswith("glb") else 1.0
+            off = abs(volume * scale / wanted["volume"] - 1)
+            # A .stl has no shared vertices, and readers join what lies at one place.
+            is_same = triangles == wanted["triangles"] and off < 1e-6
+            is_same &= name.endswith("stl") or vertices == wanted["vertices"]
+            agreed &= is_same
+            print(f"{reader:22} {name:12} {vertices:,} vertices, {triangles:,} triangles, volume off by {off:.1e}: {'same' if is_same else 'DIFFERS'}")
     return agreed
 
 
@@ -531,6 +600,7 @@ def main():
             "env": environment(folder / "env", PYPI),
             "old": environment(folder / "old", OLD_VTK),
             "system": (system, "no python3 of the system"),
+            "paraview": (shutil.which("pvpython"), "no such program as pvpython"),
         }
         agreed = compare(args.program, store, folder, pythons)
         agreed &= written(args.program, folder, pythons)

@@ -235,6 +235,59 @@ fn coordinates_of_32_bits_count_from_an_origin_near_the_part() {
     assert!(splats.contains("32 bits round") && splats.contains("write .bsp"), "{splats}");
 }
 
+#[test]
+fn numbers_of_vertices_and_coarse_meshes_keep_far_places() {
+    let dir = Scratch::new();
+    let (near, far) = (dir.path("near.brf"), dir.path("far.brf"));
+    let (near_box, far_box) = (dir.file("near.obj", box_at([0.0; 3])), dir.file("far.obj", box_at(FAR)));
+    run(&[&"build", &near_box, &"-o", &near, &"--depth", &"1", &"-q"]).ok();
+    run(&[&"build", &far_box, &"-o", &far, &"--depth", &"1", &"-q"]).ok();
+    // Formats of 64 bits have the world's places, and the same numbers as nearer to the origin.
+    let told = |name: &str, part: &Path, reference: &Path, mesh: &Path| match name {
+        "thickness" => run(&[&name, &part, &"-o", &mesh, &"--json"]).json(),
+        _ => run(&[&name, &part, &reference, &"-o", &mesh, &"--json"]).json(),
+    };
+    for (name, least) in [("thickness", "min"), ("deviation", "max_abs")] {
+        let mesh = dir.path(&format!("{name}.vtp"));
+        let of_near = told(name, &near, &near_box, &dir.path("near.vtp"));
+        let of_far = told(name, &far, &far_box, &mesh);
+        assert_eq!((&of_near["coordinate_bits"], &of_far["coordinate_bits"]), (&32.into(), &64.into()));
+        assert_eq!(of_near["vertices"], of_far["vertices"]);
+        let number = |told: &Value| {
+            let told = if name == "thickness" { told } else { &told["part_to_reference"] };
+            told[least].as_f64().unwrap()
+        };
+        assert!((number(&of_near) - number(&of_far)).abs() < 1e-4, "{of_near} {of_far}");
+        let bytes = std::fs::read(&mesh).unwrap();
+        let low = f64::from_le_bytes(vtp_array(&bytes, "Points")[..8].try_into().unwrap());
+        assert!((low - FAR[0]).abs() < 8.01, "{low}");
+    }
+    // Others are refused, or count from an origin that is told.
+    let glb = dir.path("d.glb");
+    let refused = run(&[&"deviation", &far, &far_box, &"-o", &glb]).failed();
+    assert!(refused.contains("write .ply or .vtp, which have 64, or give --origin auto"), "{refused}");
+    let told = run(&[&"deviation", &far, &far_box, &"-o", &glb, &"--origin", &"auto", &"--json"]).json();
+    let beside = std::fs::read_to_string(dir.path("d.glb.origin.json")).unwrap();
+    let said: Value = serde_json::from_str(&beside).unwrap();
+    assert!(told["origin"] == said["origin"] && told["coordinate_bits"] == 32 && said["origin"].is_array());
+    let shown = run(&[&"thickness", &far, &"-o", &dir.path("t.glb"), &"--origin", &"4500000,5350000,0"]).ok();
+    assert!(shown.contains("origin 4500000,5350000,0 mm, to be added"), "{shown}");
+    // Coarse meshes are those of the part where it is near.
+    let (stl, ply) = (dir.path("c.stl"), dir.path("c.ply"));
+    run(&[&"mesh", &far, &"-o", &stl, &"--detail", &"0.6", &"-q"]).failed();
+    let shifted =
+        run(&[&"mesh", &far, &"-o", &stl, &"--detail", &"0.6", &"--origin", &"auto", &"--json"]).json();
+    let double = run(&[&"mesh", &far, &"-o", &ply, &"--detail", &"0.6", &"--json"]).json();
+    assert!(shifted["origin"].is_array() && dir.path("c.stl.origin.json").exists());
+    assert_eq!((&double["origin"], &double["coordinate_bits"]), (&Value::Null, &64.into()));
+    for told in [&shifted, &double] {
+        assert!((told["volume"].as_f64().unwrap() / 64.0 - 1.0).abs() < 1e-3, "{told}");
+        assert!((told["bounds"][0][0].as_f64().unwrap() - FAR[0]).abs() < 0.6, "{told}");
+        let distances = &told["detail"]["distances"][0];
+        assert!(distances["largest"].as_f64().unwrap() < 1.0, "{distances}");
+    }
+}
+
 /// An array of a `.vtp`, by the words of its XML.
 fn vtp_array<'a>(file: &'a [u8], name: &str) -> &'a [u8] {
     let mark = b"encoding=\"raw\">\n_";
@@ -296,8 +349,4 @@ fn thickness_and_deviation_are_written_in_each_format() {
         assert_eq!(found.len(), numbers.len());
     }
     assert!(run(&[&"thickness", &part, &"-o", &dir.path("t.stl")]).misused().contains(".vtp"));
-    // Distances are found in the store's coordinates, of 32 bits.
-    run(&[&"build", &dir.file("far.obj", box_at(FAR)), &"-o", &part, &"--depth", &"1", &"-q"]).ok();
-    let refused = run(&[&"thickness", &part, &"-o", &dir.path("t.vtp")]).failed();
-    assert!(refused.contains("p.brf: surface: cells of ") && !dir.path("t.vtp").exists(), "{refused}");
 }

@@ -1,6 +1,6 @@
 //! What the user types for wall thickness, offsets and deviations.
 
-use crate::args::IoArg;
+use crate::args::{IoArg, OriginArg};
 use crate::units::{Length, Position, Size};
 use crate::work::WorkArgs;
 use brickfield_engine::distance::Align;
@@ -64,6 +64,9 @@ pub struct ThicknessArgs {
     /// The table of regions thinner than --below; its name ends in .csv or .json
     #[arg(long, value_name = "R.csv|.json", requires_all = ["below", "output"])]
     pub regions: Option<PathBuf>,
+    /// Count coordinates of the mesh from another origin, as in `mesh --origin`: `auto` or x,y,z
+    #[arg(long, value_name = "ORIGIN", requires = "output", allow_hyphen_values = true)]
+    pub origin: Option<OriginArg>,
     #[command(flatten)]
     pub surface: SurfaceArgs,
     /// Print counts, percentiles, a histogram and the regions as JSON
@@ -196,6 +199,9 @@ pub struct DeviationArgs {
     /// How the part is laid over the reference
     #[arg(long, value_enum, default_value_t)]
     pub align: AlignArg,
+    /// Count coordinates of the mesh from another origin, as in `mesh --origin`: `auto` or x,y,z
+    #[arg(long, value_name = "ORIGIN", allow_hyphen_values = true)]
+    pub origin: Option<OriginArg>,
     /// Memory for surfaces, bricks and a reference mesh, as in 512MiB; what does not fit goes to a temporary file
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,

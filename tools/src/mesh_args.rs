@@ -121,12 +121,17 @@ pub struct MeshArgs {
     /// For formats of 32 bits and parts far from the origin. `auto` takes a round position near the part where 32 bits would
     /// round by more than a 256th of a cell, and where the format has no 64. The origin is printed and written to OUT.origin.json; what is
     /// added to it are the store's coordinates.
-    #[arg(long, value_name = "ORIGIN", requires = "output", allow_hyphen_values = true,
-        conflicts_with_all = ["double", "detail", "triangles", "max_size"])]
+    #[arg(
+        long,
+        value_name = "ORIGIN",
+        requires = "output",
+        allow_hyphen_values = true,
+        conflicts_with = "double"
+    )]
     pub origin: Option<OriginArg>,
     /// Write coordinates with 64 bits, in .ply, .obj and .vtp; so they are by themselves where 32 bits would round them by more than a
     /// 256th of a cell
-    #[arg(long, requires = "output", conflicts_with_all = ["normals", "detail", "triangles", "max_size"])]
+    #[arg(long, requires = "output", conflicts_with = "normals")]
     pub double: bool,
     /// Give every triangle of a .ply or .vtp numbers of the bead that it lies on, as in bead,layer,feature
     ///

@@ -1,6 +1,6 @@
 //! `brickfield deviation`: a part against what it should be.
 
-use super::thickness::{layers_of, require_numbers};
+use super::thickness::{layers_of, place_of, require_numbers};
 use super::{no_unit, of_store, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, DeviationArgs};
@@ -20,7 +20,7 @@ use brickfield_engine::distance::{
 };
 use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
-use brickfield_engine::store::{AcceptedStores, BrickTree, Store, is_store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, MovedTree, Store, is_store};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -104,7 +104,9 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
     let waiting = (args.memory.0 / 8, folder);
     let metres = Unit::of_symbol(&unit).map(Unit::metres);
-    let mut ply = ScalarMesh::new(PartFile::create(&args.output)?, "deviation", metres, waiting)?;
+    let place = place_of(&store, &args.output, args.origin)?;
+    let from = (place.base().unwrap_or_default(), place.coordinates());
+    let mut ply = ScalarMesh::new(PartFile::create(&args.output)?, "deviation", metres, from, waiting)?;
     let compared = Compared {
         reference: &args.reference,
         output: &args.output,
@@ -128,13 +130,15 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     require_alike(&compared, bounds, reference.bounds())?;
     let contouring =
         ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
-    contour(&store, &contouring, &mut ply, &bars)?;
+    let moved = MovedTree::new(&store, place.base().unwrap_or_default());
+    contour(&moved, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
     let how = Align::from(args.align);
     let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS)?, bounds, reference, how)?;
     let values = ply.fill(&bars, |last: &mut PreviousPlace, world| {
         Ok(reference.opposite_next(motion.apply(world), last)?.signed as f32)
     })?;
+    place.tell(&store, &args.output)?;
     let samples: Vec<[f64; 3]> =
         reference.samples(POINTS_BACK)?.into_iter().map(|point| motion.undo(point)).collect();
     let back = at_points(&samples, &bars, |last: &mut PreviousPlace, point| {
@@ -153,6 +157,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         "reference_is": match opened { OpenReference::Mesh(_) => "mesh", OpenReference::Store(_) => "store" },
         "vertices": vertices,
         "triangles": triangles,
+        "origin": place.origin(),
+        "coordinate_bits": place.bits(),
         "align": {
             "method": match how { Align::No => "none", Align::Shift => "shift", Align::Rigid => "icp" },
             "shift": motion.shift,
@@ -180,7 +186,9 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     if args.json {
         print_json(&document)?;
     } else if !args.work.quiet {
-        print(&summary(args, &store, (&there, &back), (how, motion, left), regions.as_ref()))?;
+        let mut text = summary(args, &store, (&there, &back), (how, motion, left), regions.as_ref());
+        text.extend(place.line(unit_of(store.meta())).map(|line| format!("\norigin {line}")));
+        print(&text)?;
     }
     tell_shift(args, bounds, reference.bounds(), unit_of(store.meta()));
     let largest = there.largest().max(back.largest());

@@ -77,8 +77,8 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     }
     require_distinct(&[output], &[&args.file])?;
     tell_left_behind(output, args.work.quiet);
-    let single = args.normals || is_coarse;
-    let wish = PlaceWish { double: args.double, origin: args.origin, single, stays: is_coarse };
+    let (double, single) = (args.double, args.normals);
+    let wish = PlaceWish { double, origin: args.origin, single, ..PlaceWish::default() };
     let place = MeshPlace::of(wish, &store, output)?;
     let mut sink = match mesh_place::sink(&args, &store, output, place)? {
         Some(sink) => sink,
@@ -97,9 +97,8 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
     if is_coarse {
         return run_coarse(
             (&args, closing, started),
-            store,
-            output,
-            sink.as_mut(),
+            (store, tree, place),
+            (output, sink.as_mut()),
             (cache_bytes, brick_bytes),
             &bars,
         );
@@ -133,9 +132,8 @@ pub fn run(args: MeshArgs) -> Result<(), Failure> {
 /// Writes a mesh of the fractions of solid in coarse cells.
 fn run_coarse(
     (args, closing, started): (&MeshArgs, Option<MeshClosing>, Instant),
-    store: &Store,
-    output: &Path,
-    sink: &mut dyn MeshSink,
+    (store, whole, place): (&Store, &dyn BrickTree, MeshPlace),
+    (output, sink): (&Path, &mut dyn MeshSink),
     (cache_bytes, brick_bytes): (u64, u64),
     bars: &Bars,
 ) -> Result<(), Failure> {
@@ -144,12 +142,14 @@ fn run_coarse(
     let memory = cache_bytes - cache_bytes / 4 - brick_bytes;
     let source = if store.meta().shard.is_none() { Some(ExpectedVolume::of(store, bars)?) } else { None };
     let (made, chosen) =
-        mesh_detail::find_chosen(args, store, output, (&options, memory), source.as_ref(), bars)?;
+        mesh_detail::find_chosen(args, (store, whole), output, (&options, memory), source.as_ref(), bars)?;
     let options = ContourOptions { tolerance: made.tolerance, ..options };
     let tree = FractionTree::new(&made.lattice, made.kept.depth);
     let mut report = write_chosen((args, &chosen), (store, &tree), &options, (output, sink), bars)?;
     let mut detail = MeshDetail::of(&made, store, bars)?;
-    detail.measure(&made, (&options, memory), store, bars)?;
+    detail.measure(&made, (&options, memory), (store, whole), bars)?;
+    report.place(place);
+    place.tell(store, output)?;
     let unit = &report.unit;
     if let Some(expected) = source {
         if args.iso.is_none()
@@ -446,7 +446,7 @@ impl MeshReport {
         let Some(base) = place.base() else { return };
         self.bounds = self.bounds.take().map(|bounds| bounds.moved(base));
         self.origin = place.origin();
-        self.coordinate_bits = if self.origin.is_some() { 32 } else { 64 };
+        self.coordinate_bits = place.bits();
     }
 
     /// Compares the mesh's volume with that of the source, which the store knows where that was closed, or else with
@@ -492,8 +492,8 @@ impl MeshReport {
             "{output}: {triangles} triangles, {vertices} vertices, area {area:.6} {unit}², volume {volume:.6} \
              {unit}³, {seconds:.2} s"
         );
-        if let Some([x, y, z]) = self.origin {
-            text += &format!("\n  origin   {x},{y},{z} {unit}, to be added to the file's coordinates");
+        if let Some(line) = self.origin.and_then(|origin| MeshPlace::Shifted(origin).line(unit)) {
+            text += &format!("\n  origin   {line}");
         }
         text.extend(self.closing.iter().map(|closing| closing.text(unit)));
         text.extend(self.expected_text());

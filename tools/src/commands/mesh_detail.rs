@@ -51,13 +51,13 @@ pub fn check(args: &MeshArgs) -> Result<(), Failure> {
 }
 
 /// The mesh that is asked for, not written yet, and its shells that are kept. `expected` is the volume of the source, where
-/// it is known.
+/// it is known. The tree is that of the store, or that about another origin.
 ///
 /// # Errors
 /// A detail below the store's cells, or one at which nothing is left; too few triangles; what reading gives.
 pub fn find_chosen(
     args: &MeshArgs,
-    store: &Store,
+    (store, tree): (&Store, &dyn BrickTree),
     output: &Path,
     (options, memory): (&ContourOptions, u64),
     expected: Option<&ExpectedVolume>,
@@ -67,7 +67,7 @@ pub fn find_chosen(
     let mut ask = most;
     let mut tries = 0;
     loop {
-        let made = find(args, store, ask, (options, memory), expected, bars)?;
+        let made = find(args, (store, tree), ask, (options, memory), expected, bars)?;
         if made.kept.summary.triangles == 0 {
             let (path, cell, unit) = (store.path().display(), made.lattice.cell(), unit_of(store.meta()));
             return Err(anyhow!(
@@ -75,9 +75,9 @@ pub fn find_chosen(
             )
             .into());
         }
-        let tree = FractionTree::new(&made.lattice, made.kept.depth);
+        let coarse = FractionTree::new(&made.lattice, made.kept.depth);
         let contoured = ContourOptions { tolerance: made.tolerance, ..options.clone() };
-        let chosen = mesh_shells::choose(args, &tree, &contoured, memory, bars)
+        let chosen = mesh_shells::choose(args, &coarse, &contoured, memory, bars)
             .map_err(|error| of_store(store, "shells", error))?;
         // What is left out makes room for more triangles of the rest.
         let (kept, all) = (chosen.triangles, made.kept.summary.triangles);
@@ -96,7 +96,7 @@ const SHELL_TRIES: usize = 2;
 /// The mesh of at most so many triangles, or of the detail that is asked for.
 fn find(
     args: &MeshArgs,
-    store: &Store,
+    (store, tree): (&Store, &dyn BrickTree),
     most: u64,
     (options, memory): (&ContourOptions, u64),
     expected: Option<&ExpectedVolume>,
@@ -104,7 +104,7 @@ fn find(
 ) -> Result<SizedMesh, Failure> {
     let told = |error: Error| of_store(store, "detail", error);
     if let Some(detail) = args.detail {
-        let lattice = lattice_of(detail, store, memory, bars)?;
+        let lattice = lattice_of(detail, (store, tree), memory, bars)?;
         let volume = expected.map_or(lattice.volume(), |expected| expected.volume);
         let kept = kept(args, &lattice, volume, options, bars).map_err(told)?;
         return Ok(SizedMesh { lattice, kept, tolerance: options.tolerance });
@@ -112,7 +112,7 @@ fn find(
     let of_all = foresee_triangles(store, 0.5, None).map_err(told)?;
     let volume = expected.map(|expected| expected.volume);
     let request = DetailRequest { most, of_all, volume, options, memory };
-    Ok(of_triangles(store, request, bars).map_err(told)?)
+    Ok(of_triangles(tree, request, bars).map_err(told)?)
 }
 
 /// The most triangles that are asked for.
@@ -132,7 +132,12 @@ pub fn most_triangles(args: &MeshArgs, output: &Path) -> Result<u64, Failure> {
 const HEADER_BYTES: u64 = 1024;
 
 /// The fractions at a detail.
-fn lattice_of(detail: Length, store: &Store, memory: u64, bars: &dyn Progress) -> Result<Lattice, Failure> {
+fn lattice_of(
+    detail: Length,
+    (store, tree): (&Store, &dyn BrickTree),
+    memory: u64,
+    bars: &dyn Progress,
+) -> Result<Lattice, Failure> {
     let unit = unit_of(store.meta());
     let length = detail.in_unit_of(&store.meta().unit).ok_or_else(super::no_unit)?;
     let Some(factor) = factor_of(store, length) else {
@@ -144,7 +149,7 @@ fn lattice_of(detail: Length, store: &Store, memory: u64, bars: &dyn Progress) -
         .into());
     };
     let mut lattices =
-        fractions(store, &[factor], memory, bars).map_err(|error| of_store(store, "detail", error))?;
+        fractions(tree, &[factor], memory, bars).map_err(|error| of_store(store, "detail", error))?;
     Ok(lattices.pop().expect("one factor gives one lattice"))
 }
 
@@ -234,7 +239,7 @@ impl MeshDetail {
         &mut self,
         made: &SizedMesh,
         (options, memory): (&ContourOptions, u64),
-        store: &Store,
+        (store, whole): (&Store, &dyn BrickTree),
         bars: &dyn Progress,
     ) -> Result<(), Failure> {
         if made.kept.summary.triangles.saturating_mul(DISTANCE_BYTES_A_TRIANGLE) > memory {
@@ -244,7 +249,7 @@ impl MeshDetail {
         let tree = FractionTree::new(&made.lattice, made.kept.depth);
         contour(&tree, options, &mut mesh, bars)?;
         let reach = REACH * self.cell + self.tolerance;
-        let found = distances(store, &mesh, (FAR * self.cell, reach), bars)
+        let found = distances(whole, &mesh, (FAR * self.cell, reach), bars)
             .map_err(|error| of_store(store, "distances", error))?;
         self.distances = Some(found);
         Ok(())

@@ -31,14 +31,21 @@ fn rounding(root: RootCube) -> f64 {
 }
 
 /// What is asked of a mesh that its place depends on.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub(super) struct PlaceWish {
     pub double: bool,
     pub origin: Option<OriginArg>,
     /// Whether only coordinates of 32 bits can be written.
     pub single: bool,
-    /// Whether the origin cannot be another.
-    pub stays: bool,
+    /// Which other formats have 64 bits, as words that follow "write".
+    pub double_formats: &'static str,
+}
+
+impl Default for PlaceWish {
+    fn default() -> PlaceWish {
+        let double_formats = ".ply, .obj or .vtp without normals";
+        PlaceWish { double: false, origin: None, single: false, double_formats }
+    }
 }
 
 /// How the coordinates of a mesh are written.
@@ -78,11 +85,8 @@ impl MeshPlace {
             _ => None,
         };
         let root = chosen.map_or(root, |origin| MovedTree::new(store, origin).root());
-        let remedy = match wish.stays {
-            true => "write .ply, .obj or .vtp without --detail, which have 64",
-            false => "write .ply, .obj or .vtp without normals, which have 64, or give --origin auto",
-        };
-        require_single(store, root, output, remedy)?;
+        let remedy = format!("write {}, which have 64, or give --origin auto", wish.double_formats);
+        require_single(store, root, output, &remedy)?;
         Ok(chosen.map_or(MeshPlace::World, MeshPlace::Shifted))
     }
 
@@ -102,9 +106,19 @@ impl MeshPlace {
         }
     }
 
+    /// Bits of a coordinate in the file.
+    pub fn bits(self) -> u8 {
+        if self.coordinates() == Coordinates::Single { 32 } else { 64 }
+    }
+
     /// What is to be added to the file's coordinates.
     pub fn origin(self) -> Option<[f64; 3]> {
         if let MeshPlace::Shifted(origin) = self { Some(origin) } else { None }
+    }
+
+    /// A line that tells people what is to be added to the file's coordinates; nothing where that is nothing.
+    pub fn line(self, unit: &str) -> Option<String> {
+        self.origin().map(|[x, y, z]| format!("{x},{y},{z} {unit}, to be added to the file's coordinates"))
     }
 
     /// Writes the origin beside the mesh, or warns of the one of a mesh before it.

@@ -1,7 +1,9 @@
 //! `brickfield thickness`: how thick walls are, at every vertex of the mesh.
 
+use super::mesh_place::{MeshPlace, PlaceWish};
 use super::thickness_volume::VolumePlan;
 use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
+use crate::args::OriginArg;
 use crate::distance_args::{MeasureArg, ThicknessArgs};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
@@ -13,7 +15,7 @@ use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::thickness::{Method, Options, PreviousContact, at_world, thin_regions};
 use brickfield_engine::distance::{PointNumbers, Region, SCALAR_ENDINGS, ScalarMesh, Surface};
 use brickfield_engine::part::{PartFile, directory_of};
-use brickfield_engine::store::{AcceptedStores, Store};
+use brickfield_engine::store::{AcceptedStores, MovedTree, Store};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -47,8 +49,11 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     };
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
     let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
-    let ply = |output: &PathBuf| {
-        ScalarMesh::new(PartFile::create(output)?, "thickness", metres, (memory / 8, folder))
+    let ply = |output: &PathBuf| -> Result<_, Failure> {
+        let place = place_of(&store, output, args.origin)?;
+        let from = (place.base().unwrap_or_default(), place.coordinates());
+        let waiting = (memory / 8, folder);
+        Ok((ScalarMesh::new(PartFile::create(output)?, "thickness", metres, from, waiting)?, place))
     };
     let ply = args.output.as_ref().map(ply).transpose()?;
     let surface = Surface::new(&store, memory / 2, folder, &bars)
@@ -87,7 +92,7 @@ struct Told {
 fn at_vertices(
     args: &ThicknessArgs,
     (store, surface): (&Store, &Surface),
-    mut ply: ScalarMesh,
+    (mut ply, place): (ScalarMesh, MeshPlace),
     below: Option<f64>,
     bars: &Bars,
 ) -> Result<(Value, Told), Failure> {
@@ -106,23 +111,38 @@ fn at_vertices(
     let options = Options { method, gaps: args.gaps };
     let contouring =
         ContourOptions { cache_bytes: (args.surface.memory.0 / 4) as usize, ..ContourOptions::default() };
-    contour(store, &contouring, &mut ply, bars)?;
+    let moved = MovedTree::new(store, place.base().unwrap_or_default());
+    contour(&moved, &contouring, &mut ply, bars)?;
     let (vertices, triangles) = ply.counts();
     let values = ply.fill(bars, |last: &mut PreviousContact, world| {
         let measured = at_world(surface, world, options, last)?;
         Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
     })?;
+    args.output.as_deref().map(|output| place.tell(store, output)).transpose()?;
     let regions = below.map(|below| thin_regions(surface, options, below, bars)).transpose()?;
     let table = regions.as_deref().map(|regions| table(store, regions, cell)).transpose()?;
     let mut document = document(args, store, &values, cell)?;
     document["vertices"] = json!(vertices);
     document["triangles"] = json!(triangles);
+    document["origin"] = json!(place.origin());
+    document["coordinate_bits"] = json!(place.bits());
     if let Some(table) = &table {
         document["below"] = json!(below);
         document["regions"] = table.objects();
     }
-    let text = summary(args, store, &document, below.zip(regions.as_deref()));
+    let mut text = summary(args, store, &document, below.zip(regions.as_deref()));
+    text.extend(place.line(unit_of(store.meta())).map(|line| format!("\norigin {line}")));
     Ok((document, Told { text, table }))
+}
+
+/// Where the coordinates of a mesh with numbers count from.
+pub(super) fn place_of(
+    store: &Store,
+    output: &Path,
+    origin: Option<OriginArg>,
+) -> Result<MeshPlace, Failure> {
+    let wish = PlaceWish { origin, double_formats: ".ply or .vtp", ..PlaceWish::default() };
+    MeshPlace::of(wish, store, output)
 }
 
 /// Refuses a name of another format than those whose vertices have numbers.

@@ -1,7 +1,7 @@
 //! A level of the octree as one dense grid.
 
 use super::sample::trilinear;
-use crate::brick::Brick;
+use crate::brick::{Brick, point_index};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
@@ -211,18 +211,53 @@ impl BrickBlock<'_> {
         trilinear(self.brick, std::array::from_fn(|a| (self.first[a] + ijk[a]) as f64 * step)) as f32
     }
 
+    /// The integer samples of the row along x at `[j, k]`, from its first on.
+    pub fn integers(&self, [j, k]: [usize; 2], out: &mut [i16]) {
+        match self.row([j, k], out.len()) {
+            Some((row, 0)) => out.copy_from_slice(row),
+            _ => out.iter_mut().enumerate().for_each(|(i, value)| *value = self.integer([i, j, k])),
+        }
+    }
+
+    /// The samples of the row along x at `[j, k]`, from its first on.
+    pub fn floats(&self, [j, k]: [usize; 2], out: &mut [f32]) {
+        match self.row([j, k], out.len()) {
+            Some((row, places)) => {
+                // A power of two: no product is rounded.
+                let unit = ((1u32 << places) as f32).recip();
+                out.iter_mut().zip(row).for_each(|(value, &stored)| *value = f32::from(stored) * unit);
+            }
+            None => out.iter_mut().enumerate().for_each(|(i, value)| *value = self.float([i, j, k])),
+        }
+    }
+
+    /// A row as it is stored, with its binary places, if each of its samples is one of the brick.
+    fn row(&self, [j, k]: [usize; 2], count: usize) -> Option<(&[i16], u8)> {
+        match self.brick {
+            Brick::Counts { samples, .. } if self.up == 0 => {
+                Some((&samples.0[point_index([0, j, k])..][..count], samples.1))
+            }
+            _ => None,
+        }
+    }
+
     /// Fills the row along x at `[j, k]`.
-    fn fill_row(&self, [j, k]: [usize; 2], (element, scale): (Element, f32), out: &mut [u8]) {
+    fn fill_row(&self, at: [usize; 2], (element, scale): (Element, f32), out: &mut [u8]) {
         match element {
             Element::I16 => {
-                for (i, bytes) in out.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-                    *bytes = self.integer([i, j, k]).to_le_bytes();
-                }
+                let mut row = [0; BRICK_CELLS];
+                self.integers(at, &mut row);
+                out.as_chunks_mut::<2>()
+                    .0
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(b, value)| *b = value.to_le_bytes());
             }
             Element::F32 => {
-                for (i, bytes) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-                    *bytes = (self.float([i, j, k]) * scale).to_le_bytes();
-                }
+                let mut row = [0.0; BRICK_CELLS];
+                self.floats(at, &mut row);
+                let bytes = out.as_chunks_mut::<4>().0;
+                bytes.iter_mut().zip(row).for_each(|(b, value)| *b = (value * scale).to_le_bytes());
             }
         }
     }

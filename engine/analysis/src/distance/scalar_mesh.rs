@@ -2,8 +2,8 @@
 
 use super::numbers::{NumberRows, PointNumbers, numbers};
 use crate::contour::{
-    GlbSink, MeshChunk, MeshEncoding, MeshSink, NumbersOf, TriangleBytes, VertexBytes, VtpFile, ply_faces,
-    vtp_corners, write_triangles,
+    Coordinates, GlbSink, MeshChunk, MeshEncoding, MeshSink, NumbersOf, TriangleBytes, VertexBytes, VtpFile,
+    ply_faces, vtp_corners, write_triangles,
 };
 use crate::error::Result;
 use crate::part::PartFile;
@@ -27,6 +27,10 @@ pub struct ScalarMesh {
     file: ScalarFile,
     property: &'static str,
     positions: NumberRows<3>,
+    /// Where positions count from.
+    base: [f64; 3],
+    /// Whether the file has their places in the world, with 64 bits.
+    is_double: bool,
     memory: u64,
     folder: PathBuf,
     faces: u64,
@@ -37,19 +41,20 @@ fn append_positions(positions: &[[f32; 3]], bytes: &mut Vec<u8>) {
 }
 
 /// A header of the same length for all counts: a comment takes up what the digits leave.
-fn ply_header(vertices: u64, faces: u64, property: &str) -> String {
+fn ply_header(vertices: u64, faces: u64, (kind, property): (&str, &str)) -> String {
     let (vertices, faces) = (vertices.to_string(), faces.to_string());
     let fill = "-".repeat(40 - vertices.len() - faces.len());
     format!(
         "ply\nformat binary_little_endian 1.0\ncomment written by Brickfield {fill}\n\
-         element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n\
+         element vertex {vertices}\nproperty {kind} x\nproperty {kind} y\nproperty {kind} z\n\
          property float {property}\nelement face {faces}\nproperty list uchar uint vertex_indices\nend_header\n"
     )
 }
 
 impl ScalarMesh {
     /// A file in the format of its name, PLY if that ends in none of [`SCALAR_ENDINGS`], whose vertices get this property. `metres`
-    /// is the length of the unit of positions, for glTF. What waits takes so many bytes of memory, with a file in `folder`
+    /// is the length of the unit of positions, for glTF. Positions count from `base`; with 64 bits the file has their places in the
+    /// world, in PLY and PolyData. What waits takes so many bytes of memory, with a file in `folder`
     /// for what does not fit.
     ///
     /// # Errors
@@ -58,19 +63,21 @@ impl ScalarMesh {
         file: PartFile,
         property: &'static str,
         metres: Option<f64>,
+        (base, coordinates): ([f64; 3], Coordinates),
         (memory, folder): (u64, &Path),
     ) -> Result<ScalarMesh> {
+        let is_double = coordinates != Coordinates::Single;
         let ending = file.path().extension().unwrap_or_default().to_ascii_lowercase();
         let file = match ending.to_str() {
             Some("vtp") => {
-                ScalarFile::Vtp(VtpFile::new(file, false, (NumbersOf::Vertices, &[property]), &[])?)
+                ScalarFile::Vtp(VtpFile::new(file, is_double, (NumbersOf::Vertices, &[property]), &[])?)
             }
             Some("glb") => ScalarFile::Glb(GlbSink::with_numbers(file, metres, property)?),
             _ => ScalarFile::Ply(file),
         };
         let positions = NumberRows::new(memory / 2, folder);
         let folder = folder.to_owned();
-        let mut mesh = ScalarMesh { file, property, positions, memory, folder, faces: 0 };
+        let mut mesh = ScalarMesh { file, property, positions, base, is_double, memory, folder, faces: 0 };
         let head = mesh.ply_head();
         if let ScalarFile::Ply(file) = &mut mesh.file {
             file.append(head.as_bytes())?;
@@ -79,7 +86,8 @@ impl ScalarMesh {
     }
 
     fn ply_head(&self) -> String {
-        ply_header(self.positions.len() as u64, self.faces, self.property)
+        let kind = if self.is_double { "double" } else { "float" };
+        ply_header(self.positions.len() as u64, self.faces, (kind, self.property))
     }
 
     /// Positions of every so manieth vertex, so that these are at most so many.
@@ -92,7 +100,7 @@ impl ScalarMesh {
         self.positions.each(|positions| {
             for position in positions {
                 if number.is_multiple_of(step) {
-                    some.push(position.map(f64::from));
+                    some.push(placed(self.base, *position));
                 }
                 number += 1;
             }
@@ -122,17 +130,17 @@ impl ScalarMesh {
         progress.phase(self.property, Some(positions.len() as u64), "vertices");
         let mut at = head.len() as u64;
         let mut bytes = Vec::new();
-        let file = &mut self.file;
+        let (file, base, is_double) = (&mut self.file, self.base, self.is_double);
         positions.each(|positions| {
             numbers(
                 positions,
                 progress,
-                |last, p| number(last, p.map(f64::from)),
+                |last, p| number(last, placed(base, p)),
                 |positions, numbers| {
                     bytes.clear();
                     match file {
                         ScalarFile::Ply(file) => {
-                            rows(positions, numbers, &mut bytes);
+                            rows((positions, numbers), is_double.then_some(base), &mut bytes);
                             file.overwrite(at, &bytes)?;
                             at += bytes.len() as u64;
                         }
@@ -158,10 +166,20 @@ impl ScalarMesh {
     }
 }
 
-/// The vertices of a PLY, each with its number.
-fn rows(positions: &[[f32; 3]], numbers: &[f32], bytes: &mut Vec<u8>) {
+/// A position in the world.
+fn placed(base: [f64; 3], position: [f32; 3]) -> [f64; 3] {
+    std::array::from_fn(|a| base[a] + f64::from(position[a]))
+}
+
+/// The vertices of a PLY, each with its number; with 64 bits where there is a base to add.
+fn rows((positions, numbers): (&[[f32; 3]], &[f32]), base: Option<[f64; 3]>, bytes: &mut Vec<u8>) {
     for (position, number) in positions.iter().zip(numbers) {
-        bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened());
+        match base {
+            Some(base) => {
+                bytes.extend_from_slice(placed(base, *position).map(f64::to_le_bytes).as_flattened());
+            }
+            None => bytes.extend_from_slice(position.map(f32::to_le_bytes).as_flattened()),
+        }
         bytes.extend_from_slice(&number.to_le_bytes());
     }
 }
@@ -190,8 +208,13 @@ impl MeshSink for ScalarMesh {
                 match &mut self.file {
                     ScalarFile::Ply(file) => {
                         let mut room = Vec::new();
-                        rows(&positions, &vec![0.0; count], &mut room);
+                        let base = self.is_double.then_some(self.base);
+                        rows((&positions, &vec![0.0; count]), base, &mut room);
                         file.append(&room)?;
+                    }
+                    ScalarFile::Vtp(file) if self.is_double => {
+                        let places = positions.iter().flat_map(|p| placed(self.base, *p));
+                        file.points(count, &places.flat_map(f64::to_le_bytes).collect::<Vec<u8>>())?;
                     }
                     ScalarFile::Vtp(file) => file.points(count, bytes)?,
                     ScalarFile::Glb(file) => file.encoded(part)?,

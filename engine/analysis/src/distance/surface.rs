@@ -9,8 +9,11 @@ use crate::contour::{Bend, edge_facets};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube, spacing_bits};
 use crate::progress::Progress;
-use crate::store::BrickTree;
+use crate::store::{BrickTree, MovedTree};
 use std::path::Path;
+
+/// Parts that lie farther from the origin, in edges of their root cube, are looked at from their middle.
+const FAR_EDGES: f64 = 64.0;
 
 /// How far below the surface the solid is asked whose it is, in cells.
 const INNER: f64 = 0.3;
@@ -57,15 +60,19 @@ impl Surface {
     /// What contouring and the file give.
     pub fn new(tree: &dyn BrickTree, memory: u64, folder: &Path, progress: &dyn Progress) -> Result<Surface> {
         let (root, deepest) = (tree.root(), tree.deepest_level());
+        // Facets have coordinates of 32 bits: far from the origin they are those of a tree about its middle.
+        let moved = MovedTree::new(tree, MovedTree::middle(tree));
+        let farthest = root.origin.iter().map(|c| c.abs().max((c + root.edge).abs())).fold(0.0, f64::max);
+        let placed: &dyn BrickTree = if farthest > FAR_EDGES * root.edge { &moved } else { tree };
         let (mut keys, mut pieces, mut patches) = (Vec::new(), Spilled::new(memory, folder), 0);
         let (mut blocks, mut normals) = (Vec::new(), Vec::new());
         let caches = (memory / 2).clamp(16 << 20, 512 << 20);
         let make = |key: NodeKey, facets: &[_]| {
             let brick = tree.brick(key)?;
-            Ok(Piece::new(root, deepest, key, &brick, facets).map(|piece| (key, piece)))
+            Ok(Piece::new(placed.root(), deepest, key, &brick, facets).map(|piece| (key, piece)))
         };
         edge_facets(
-            tree,
+            placed,
             caches as usize,
             (Bend::Strong, |_| true),
             progress,

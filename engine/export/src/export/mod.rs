@@ -7,12 +7,12 @@
 //! Sparse ones leave out what is empty: `vdb` writes the tree of OpenVDB, `vtkhdf` and `zarr` a chunk a brick.
 
 mod blocks;
-mod compress;
 mod dense;
 mod vdb;
 mod volume;
 mod vtkhdf;
 mod zarr;
+mod zlib;
 
 pub use dense::npy_header;
 pub use volume::{LevelSupport, Quantity, Volume};

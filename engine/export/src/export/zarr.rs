@@ -183,11 +183,19 @@ impl Array<'_> {
 
 /// The bytes of a brick's samples, x fastest.
 fn samples(block: &BrickBlock<'_>, (element, scale): (Element, f32), out: &mut Vec<u8>) {
-    for n in 0..BRICK_CELLS.pow(3) {
-        let at = [n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / BRICK_CELLS / BRICK_CELLS];
+    for n in 0..BRICK_CELLS * BRICK_CELLS {
+        let at = [n % BRICK_CELLS, n / BRICK_CELLS];
         match element {
-            Element::I16 => out.extend(block.integer(at).to_le_bytes()),
-            Element::F32 => out.extend((block.float(at) * scale + 0.0).to_le_bytes()),
+            Element::I16 => {
+                let mut row = [0; BRICK_CELLS];
+                block.integers(at, &mut row);
+                out.extend_from_slice(row.map(i16::to_le_bytes).as_flattened());
+            }
+            Element::F32 => {
+                let mut row = [0.0; BRICK_CELLS];
+                block.floats(at, &mut row);
+                out.extend_from_slice(row.map(|value| (value * scale + 0.0).to_le_bytes()).as_flattened());
+            }
         }
     }
 }

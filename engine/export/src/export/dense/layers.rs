@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::export::Volume;
-use crate::export::compress::Zlib;
+use crate::export::zlib::Zlib;
 use crate::lattice::BRICK_CELLS;
 use crate::progress::Progress;
 use std::sync::Mutex;

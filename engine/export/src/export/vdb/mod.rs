@@ -12,18 +12,17 @@ mod node;
 mod pack;
 
 use super::blocks;
-use super::compress::Zlib;
 use super::{Format, LevelSupport, Quantity, Volume};
 use crate::analysis::{Element, covering};
 use crate::error::Result;
-use crate::lattice::NodeKey;
+use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::part::temporary::TempFile;
 use crate::part::{PartFile, directory_of};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::{BrickTree, Walk};
 use node::{NodeBuilder, NodeBytes};
-use pack::{Inactive, Mask, put_string, put_values, word};
+use pack::{Inactive, Mask, ValueStreams, put_string, put_values, word};
 use std::path::Path;
 
 const MAGIC: u64 = 0x5644_4220;
@@ -224,7 +223,7 @@ impl Grid<'_> {
         place.iter().for_each(|p| word(&mut head, p << (SLOT_BITS + 7)));
         head.extend(children.bytes());
         head.extend(tiles.bytes());
-        put_values(&mut head, &values, &inactive, &mut Zlib::new());
+        put_values(&mut head, &values, &inactive, &mut ValueStreams::new());
         file.append(&head)?;
         self.children(&made, file, voxels, progress)
     }
@@ -258,8 +257,16 @@ impl Grid<'_> {
                     None => {
                         blocks::with_block(tree, key, self.level, place, |block| match self.volume.element {
                             // No negative zero.
-                            Element::F32 => maker.add(place, |at| (block.float(at) * scale + 0.0).to_bits()),
-                            Element::I16 => maker.add(place, |at| i32::from(block.integer(at)) as u32),
+                            Element::F32 => maker.add(place, |at, row| {
+                                let mut floats = [0.0; BRICK_CELLS];
+                                block.floats(at, &mut floats);
+                                *row = floats.map(|value| (value * scale + 0.0).to_bits());
+                            }),
+                            Element::I16 => maker.add(place, |at, row| {
+                                let mut whole = [0; BRICK_CELLS];
+                                block.integers(at, &mut whole);
+                                *row = whole.map(|value| i32::from(value) as u32);
+                            }),
                         })?
                     }
                 }

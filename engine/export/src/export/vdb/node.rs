@@ -1,7 +1,7 @@
 //! A node of 16³ leaves, from the bricks that it spans.
 
-use super::pack::{Inactive, Mask, put_values};
-use crate::export::compress::Zlib;
+use super::pack::{Inactive, Mask, ValueStreams, put_values};
+use crate::lattice::BRICK_CELLS;
 
 /// Leaves of a node along an axis.
 const LEAVES: usize = 16;
@@ -9,6 +9,8 @@ const LEAVES: usize = 16;
 const BRICK_LEAVES: usize = 4;
 /// Voxels of a leaf along an axis.
 const LEAF: usize = 8;
+/// Voxels of a leaf.
+const VOXELS: usize = LEAF * LEAF * LEAF;
 
 /// A node's bytes.
 pub(super) struct NodeBytes {
@@ -36,14 +38,17 @@ pub(super) struct NodeBuilder {
     inner: Option<u32>,
     entries: Vec<Entry>,
     packed: Vec<u8>,
-    zlib: Zlib,
+    streams: ValueStreams,
+    /// Bits of a brick's samples, x fastest.
+    samples: Vec<[u32; BRICK_CELLS]>,
 }
 
 impl NodeBuilder {
     /// With the bits of the background, and in level sets those of its opposite.
     pub(super) fn new(outer: u32, inner: Option<u32>) -> NodeBuilder {
         let entries = vec![Entry::Empty; LEAVES.pow(3)];
-        NodeBuilder { outer, inner, entries, packed: Vec::new(), zlib: Zlib::new() }
+        let samples = vec![[0; BRICK_CELLS]; BRICK_CELLS * BRICK_CELLS];
+        NodeBuilder { outer, inner, entries, packed: Vec::new(), streams: ValueStreams::new(), samples }
     }
 
     /// Adds a brick of one value, which is not the background.
@@ -54,42 +59,65 @@ impl NodeBuilder {
         }
     }
 
-    /// Adds a brick by the bits of its samples.
-    pub(super) fn add(&mut self, place: [u32; 3], sample: impl Fn([usize; 3]) -> u32) {
-        let mut values = Vec::with_capacity(LEAF.pow(3));
+    /// Adds a brick by the bits of its samples: `fill` puts in the row along x at `[y, z]`.
+    pub(super) fn add(&mut self, place: [u32; 3], fill: impl Fn([usize; 2], &mut [u32; BRICK_CELLS])) {
+        for (n, row) in self.samples.iter_mut().enumerate() {
+            fill([n % BRICK_CELLS, n / BRICK_CELLS], row);
+        }
         for leaf in brick_leaves() {
-            let (mut mask, mut inactive) = (Mask::<64>::new(), Inactive::<64>::new());
-            values.clear();
-            for n in 0..LEAF.pow(3) {
-                let within = [n / LEAF / LEAF, n / LEAF % LEAF, n % LEAF];
-                let value = sample(std::array::from_fn(|a| leaf[a] * LEAF + within[a]));
-                if value == self.outer {
-                    inactive.outer.set(n);
-                } else if Some(value) == self.inner {
-                    inactive.inner.set(n);
+            let voxels = self.leaf(leaf);
+            let first = voxels[0];
+            self.entries[index(place, leaf)] =
+                if voxels.iter().fold(0, |any, value| any | (value ^ first)) > 0 {
+                    self.mixed(&voxels)
+                } else if first == self.outer {
+                    Entry::Empty
+                } else if Some(first) == self.inner {
+                    Entry::Inner
                 } else {
-                    mask.set(n);
-                    values.push(value);
-                }
-            }
-            self.entries[index(place, leaf)] = self.entry(&mask, &values, &inactive);
+                    Entry::Tile(first)
+                };
         }
     }
 
-    fn entry(&mut self, mask: &Mask<64>, values: &[u32], inactive: &Inactive<64>) -> Entry {
-        match values.first() {
-            None if inactive.inner.is_empty() => Entry::Empty,
-            None if inactive.outer.is_empty() => Entry::Inner,
-            Some(&first) if values.len() == LEAF.pow(3) && values.iter().all(|&value| value == first) => {
-                Entry::Tile(first)
-            }
-            _ => {
-                let start = self.packed.len();
-                self.packed.extend(mask.bytes());
-                put_values(&mut self.packed, values, inactive, &mut self.zlib);
-                Entry::Leaf(start, self.packed.len())
+    /// The voxels of a leaf, z fastest.
+    fn leaf(&self, leaf: [usize; 3]) -> [u32; VOXELS] {
+        let mut voxels = [0; VOXELS];
+        let [first_x, first_y, first_z] = leaf.map(|l| l * LEAF);
+        for z in 0..LEAF {
+            for y in 0..LEAF {
+                let row = &self.samples[(first_z + z) * BRICK_CELLS + first_y + y][first_x..first_x + LEAF];
+                for (x, &value) in row.iter().enumerate() {
+                    voxels[(x * LEAF + y) * LEAF + z] = value;
+                }
             }
         }
+        voxels
+    }
+
+    /// A leaf whose voxels are not all the same.
+    fn mixed(&mut self, voxels: &[u32; VOXELS]) -> Entry {
+        let (mut mask, mut inactive) = (Mask::<64>::new(), Inactive::<64>::new());
+        let (mut values, mut count) = ([0; VOXELS], 0);
+        // Never equal to a value that is not the background, where there is no inside.
+        let inner_bits = self.inner.unwrap_or(self.outer);
+        for (word, voxels) in voxels.as_chunks::<64>().0.iter().enumerate() {
+            let (mut outer, mut inner) = (0, 0);
+            for (bit, &value) in voxels.iter().enumerate() {
+                outer |= u64::from(value == self.outer) << bit;
+                inner |= u64::from(value == inner_bits) << bit;
+                // What is inactive is written over by the next.
+                values[count] = value;
+                count += usize::from(value != self.outer && value != inner_bits);
+            }
+            inactive.outer.set_word(word, outer);
+            inactive.inner.set_word(word, inner & !outer);
+            mask.set_word(word, !(outer | inner));
+        }
+        let start = self.packed.len();
+        self.packed.extend(mask.bytes());
+        put_values(&mut self.packed, &values[..count], &inactive, &mut self.streams);
+        Entry::Leaf(start, self.packed.len())
     }
 
     /// The node of what was added since the last one.
@@ -115,7 +143,7 @@ impl NodeBuilder {
         }
         self.packed.clear();
         let mut topology = [children.bytes(), active.bytes()].concat();
-        put_values(&mut topology, &tiles, &inactive, &mut self.zlib);
+        put_values(&mut topology, &tiles, &inactive, &mut self.streams);
         topology.extend(masks);
         NodeBytes { topology, voxels }
     }

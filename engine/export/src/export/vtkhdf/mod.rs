@@ -5,21 +5,21 @@
 //! compressed by itself, and bricks of zeros are left out: readers put zeros in their place.
 
 mod hdf5;
+mod streams;
 mod tree;
 
 use super::blocks;
-use super::compress::Zlib;
 use super::{Format, LevelSupport, Volume};
 use crate::analysis::{BrickBlock, Element};
-use crate::brick::point_position;
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey};
+use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::part::PartFile;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::store::Walk;
 use hdf5::{Attribute, DataLayout, Datatype, Object};
 use std::path::Path;
+use streams::{CELLS, POINTS, StreamMaker, Streams};
 use tree::Chunk;
 
 /// The format.
@@ -29,10 +29,6 @@ pub(super) struct VtkHdf;
 const VERSION: [i64; 2] = [1, 0];
 /// Bricks that a thread makes at once.
 const BRICKS_AT_ONCE: usize = 8;
-/// Points of a block.
-const POINTS: usize = BRICK_POINTS * BRICK_POINTS * BRICK_POINTS;
-/// Cells of a block.
-const CELLS: usize = BRICK_CELLS * BRICK_CELLS * BRICK_CELLS;
 /// Bytes of a block of beads, compressed, points and cells.
 const BLOCK_BYTES: u128 = 8192;
 
@@ -98,9 +94,6 @@ struct Level<'a> {
     places: Vec<Place>,
 }
 
-/// The streams of a block; none of a block of zeros.
-type Streams = Option<[Vec<u8>; 2]>;
-
 impl<'a> Level<'a> {
     /// The blocks of a level's nodes. Alone, a level also has the parts of coarser leaves that are not 0.
     fn new(volume: &'a Volume<'a>, level: u8, alone: bool) -> Result<Level<'a>> {
@@ -149,7 +142,7 @@ impl<'a> Level<'a> {
             walk.at(part(number).start);
             part(number).map(|n| Ok((n, self.block(maker, self.places[n])?))).collect::<Result<Vec<_>>>()
         };
-        let take = |made: Vec<(usize, Streams)>| {
+        let take = |made: Vec<(usize, Option<Streams>)>| {
             progress.advance(made.len() as u64);
             for (number, streams) in made {
                 for (chunks, stream) in chunks.iter_mut().zip(streams.into_iter().flatten()) {
@@ -167,8 +160,8 @@ impl<'a> Level<'a> {
         self.group(&chunks, file)
     }
 
-    /// The streams of points and cells of a block.
-    fn block(&self, maker: &mut StreamMaker, place: Place) -> Result<Streams> {
+    /// The streams of points and cells of a block; none of a block of zeros.
+    fn block(&self, maker: &mut StreamMaker, place: Place) -> Result<Option<Streams>> {
         let node = self.volume.tree.node(place.key);
         let kind = self.point_kind();
         match node.and_then(|node| node.uniform()) {
@@ -209,81 +202,5 @@ impl<'a> Level<'a> {
         let boxes = Object::array(Datatype::I32, vec![count, 6], DataLayout::Whole { at, bytes: length });
         group.links.push(("AMRBox".to_owned(), boxes.append(file)?));
         group.append(file)
-    }
-}
-
-/// Makes the streams of blocks.
-struct StreamMaker {
-    zlib: Zlib,
-    points: Vec<f32>,
-    bytes: Vec<u8>,
-    /// The last uniform block.
-    last: Option<(i16, [Vec<u8>; 2])>,
-}
-
-impl StreamMaker {
-    fn new() -> StreamMaker {
-        StreamMaker { zlib: Zlib::new(), points: Vec::new(), bytes: Vec::new(), last: None }
-    }
-
-    fn uniform(&mut self, value: i16, kind: Datatype) -> [Vec<u8>; 2] {
-        if let Some((last, streams)) = &self.last
-            && *last == value
-        {
-            return streams.clone();
-        }
-        let value_f32 = f32::from(value);
-        self.points.clear();
-        self.points.resize(POINTS, value_f32);
-        let points = self.pack_points(kind);
-        let cells = self.pack(4, CELLS, |_, out| out.copy_from_slice(&value_f32.to_le_bytes()));
-        self.last = Some((value, [points.clone(), cells.clone()]));
-        [points, cells]
-    }
-
-    fn block(&mut self, block: &BrickBlock<'_>, kind: Datatype) -> [Vec<u8>; 2] {
-        self.points.clear();
-        match kind {
-            Datatype::F32 => self.points.extend((0..POINTS).map(|n| block.float(point_position(n)))),
-            _ => self.points.extend((0..POINTS).map(|n| f32::from(block.integer(point_position(n))))),
-        }
-        let points = self.pack_points(kind);
-        let samples = std::mem::take(&mut self.points);
-        let cells = self.pack(4, CELLS, |n, out| {
-            let (x, y, z) = (n % BRICK_CELLS, n / BRICK_CELLS % BRICK_CELLS, n / BRICK_CELLS / BRICK_CELLS);
-            let first = (z * BRICK_POINTS + y) * BRICK_POINTS + x;
-            let layer = BRICK_POINTS * BRICK_POINTS;
-            let corners = [0, 1, BRICK_POINTS, BRICK_POINTS + 1]
-                .into_iter()
-                .flat_map(|c| [first + c, first + c + layer]);
-            let mean = corners.map(|c| samples[c]).sum::<f32>() / 8.0;
-            out.copy_from_slice(&mean.to_le_bytes());
-        });
-        self.points = samples;
-        [points, cells]
-    }
-
-    fn pack_points(&mut self, kind: Datatype) -> Vec<u8> {
-        let points = std::mem::take(&mut self.points);
-        let stream = self.pack(kind.bytes(), POINTS, |n, out| match kind {
-            Datatype::F32 => out.copy_from_slice(&points[n].to_le_bytes()),
-            _ => out.copy_from_slice(&(points[n] as i16).to_le_bytes()),
-        });
-        self.points = points;
-        stream
-    }
-
-    /// The stream of numbers of `size` bytes, of which `put` writes one: first all lowest bytes, then all next ones, and so
-    /// on, as the filter *shuffle* of HDF5 has them.
-    fn pack(&mut self, size: usize, count: usize, put: impl Fn(usize, &mut [u8])) -> Vec<u8> {
-        self.bytes.resize(size * count, 0);
-        let mut number = [0; 8];
-        for n in 0..count {
-            put(n, &mut number[..size]);
-            for (byte, &value) in number[..size].iter().enumerate() {
-                self.bytes[byte * count + n] = value;
-            }
-        }
-        self.zlib.pack(&self.bytes).to_vec()
     }
 }
