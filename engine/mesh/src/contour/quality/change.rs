@@ -1,36 +1,15 @@
 //! Changes of a mesh at one triangle: edges flipped and collapsed, vertices moved (Botsch & Kobbelt 2004, *A Remeshing
 //! Approach to Multiresolution Modeling*).
 
-use super::super::adaptive::{TriangleCorners, wide};
-use super::stars::StarMesh;
+use super::super::adaptive::wide;
+use super::stars::{LocalChange, StarMesh};
 use glam::DVec3;
 
 /// Parts of the way to where a vertex could go.
 const STEPS: [f64; 3] = [1.0, 0.5, 0.25];
 
-/// Some triangles in place of others with the same border.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Change {
-    /// Numbers of the triangles that go.
-    pub(super) old: Vec<u32>,
-    /// Corners of those that come, no more than go.
-    pub(super) new: Vec<[u32; 3]>,
-    /// A vertex and where it goes.
-    pub(super) moved: Option<(u32, [f32; 3])>,
-}
-
-impl Change {
-    /// Where the corners of a new triangle lie.
-    pub(super) fn corners(&self, mesh: &StarMesh, triangle: [u32; 3]) -> TriangleCorners {
-        triangle.map(|corner| match self.moved {
-            Some((vertex, position)) if vertex == corner => position,
-            _ => mesh.positions[corner as usize],
-        })
-    }
-}
-
 /// All changes that are tried for a triangle.
-pub(super) fn changes(mesh: &StarMesh, triangle: u32) -> Vec<Change> {
+pub(super) fn changes(mesh: &StarMesh, triangle: u32) -> Vec<LocalChange> {
     let [a, b, c] = mesh.triangle(triangle);
     let mut found = Vec::new();
     for (a, b, c) in [(a, b, c), (b, c, a), (c, a, b)] {
@@ -42,14 +21,14 @@ pub(super) fn changes(mesh: &StarMesh, triangle: u32) -> Vec<Change> {
 }
 
 /// The edge opposite to the first corner is turned to it; or that corner becomes a point of the edge, where that is a crease.
-fn flips(mesh: &StarMesh, triangle: u32, [a, b, c]: [u32; 3], found: &mut Vec<Change>) {
+fn flips(mesh: &StarMesh, triangle: u32, [a, b, c]: [u32; 3], found: &mut Vec<LocalChange>) {
     let Some((other, d)) = mesh.across(b, c) else { return };
     let is_joined = mesh.star(a).iter().any(|&n| mesh.triangle(n).contains(&d));
     if a == d || is_joined || mesh.star(b).len() <= 3 || mesh.star(c).len() <= 3 {
         return;
     }
     let two = [[a, b, d], [a, d, c]];
-    found.push(Change { old: vec![triangle, other], new: two.to_vec(), moved: None });
+    found.push(LocalChange { old: vec![triangle, other], new: two.to_vec(), moved: None });
     let [at, from, to] = [a, b, c].map(|vertex| wide(mesh.positions[vertex as usize]));
     let along = to - from;
     let part = (at - from).dot(along) / along.length_squared();
@@ -58,12 +37,12 @@ fn flips(mesh: &StarMesh, triangle: u32, [a, b, c]: [u32; 3], found: &mut Vec<Ch
         let rest = old.iter().filter(|&&n| n != triangle).map(|&n| mesh.triangle(n));
         let new = rest.chain(two).collect();
         old.push(other);
-        found.push(Change { old, new, moved: Some((a, single(from + along * part))) });
+        found.push(LocalChange { old, new, moved: Some((a, single(from + along * part))) });
     }
 }
 
 /// An edge becomes one of its ends, or a point between them.
-fn collapses(mesh: &StarMesh, [a, b]: [u32; 2], found: &mut Vec<Change>) {
+fn collapses(mesh: &StarMesh, [a, b]: [u32; 2], found: &mut Vec<LocalChange>) {
     if !may_collapse(mesh, [a, b]) {
         return;
     }
@@ -71,12 +50,12 @@ fn collapses(mesh: &StarMesh, [a, b]: [u32; 2], found: &mut Vec<Change>) {
     for [gone, kept] in [[a, b], [b, a]] {
         let old = mesh.star(gone).to_vec();
         let new = renamed(mesh, &old, [gone, kept]).collect();
-        found.push(Change { old, new, moved: None });
+        found.push(LocalChange { old, new, moved: None });
     }
     let mut old = mesh.star(a).to_vec();
     old.extend(mesh.star(b).iter().filter(|n| !mesh.star(a).contains(n)));
     let new = renamed(mesh, &old, [a, b]).collect();
-    found.push(Change { old, new, moved: Some((b, single((from + to) / 2.0))) });
+    found.push(LocalChange { old, new, moved: Some((b, single((from + to) / 2.0))) });
 }
 
 /// What is left of triangles if a vertex becomes another one.
@@ -100,7 +79,7 @@ fn may_collapse(mesh: &StarMesh, [a, b]: [u32; 2]) -> bool {
 }
 
 /// A vertex goes towards the middle of those around it, along the surface where that is flat, and as it is.
-fn moves(mesh: &StarMesh, vertex: u32, found: &mut Vec<Change>) {
+fn moves(mesh: &StarMesh, vertex: u32, found: &mut Vec<LocalChange>) {
     let around = mesh.around(vertex);
     let place = |vertex: u32| wide(mesh.positions[vertex as usize]);
     let at = place(vertex);
@@ -116,7 +95,7 @@ fn moves(mesh: &StarMesh, vertex: u32, found: &mut Vec<Change>) {
     for way in [upright, away] {
         for step in STEPS {
             let moved = Some((vertex, single(at + way * step)));
-            found.push(Change { old: old.clone(), new: new.clone(), moved });
+            found.push(LocalChange { old: old.clone(), new: new.clone(), moved });
         }
     }
 }

@@ -26,9 +26,9 @@ use super::sink::MeshArrays;
 use crate::error::Result;
 use crate::predicates::{has_area, meet_by_place};
 use crate::progress::Progress;
-use change::{Change, changes};
+use change::changes;
 use patch::patch_distance;
-use stars::{StarMesh, united};
+use stars::{LocalChange, StarMesh, united};
 
 /// Degrees below which an angle, of a triangle or between two of them, is too small.
 const SMALL: f64 = 10.0;
@@ -78,10 +78,10 @@ pub(super) fn improve(
 }
 
 /// The best change for a triangle, and how far it takes the surface.
-fn best(mesh: &StarMesh, triangle: u32, most: f64) -> Option<(Change, f64)> {
+fn best(mesh: &StarMesh, triangle: u32, most: f64) -> Option<(LocalChange, f64)> {
     let gained =
         changes(mesh, triangle).into_iter().filter_map(|change| Some((gain(mesh, &change)?, change)));
-    let mut gained: Vec<(f64, Change)> = gained.collect();
+    let mut gained: Vec<(f64, LocalChange)> = gained.collect();
     gained.sort_by(|a, b| b.0.total_cmp(&a.0));
     gained.into_iter().find_map(|(_, change)| {
         let (old, new) = (old_corners(mesh, &change), new_corners(mesh, &change));
@@ -91,7 +91,7 @@ fn best(mesh: &StarMesh, triangle: u32, most: f64) -> Option<(Change, f64)> {
 }
 
 /// How much less triangles fall short of [`SMALL`] angles; `None` if nothing is gained or the smallest angle is no larger.
-fn gain(mesh: &StarMesh, change: &Change) -> Option<f64> {
+fn gain(mesh: &StarMesh, change: &LocalChange) -> Option<f64> {
     let old: Vec<[u32; 3]> = change.old.iter().map(|n| mesh.triangle(*n)).collect();
     let (short, least) = short(mesh, &old, &old_corners(mesh, change));
     let (less_short, larger) = self::short(mesh, &change.new, &new_corners(mesh, change));
@@ -134,16 +134,16 @@ fn angle(mesh: &StarMesh, triangle: u32) -> f64 {
     short(mesh, &[mesh.triangle(triangle)], &[mesh.corners(triangle)]).1
 }
 
-fn old_corners(mesh: &StarMesh, change: &Change) -> Vec<TriangleCorners> {
+fn old_corners(mesh: &StarMesh, change: &LocalChange) -> Vec<TriangleCorners> {
     change.old.iter().map(|n| mesh.corners(*n)).collect()
 }
 
-fn new_corners(mesh: &StarMesh, change: &Change) -> Vec<TriangleCorners> {
+fn new_corners(mesh: &StarMesh, change: &LocalChange) -> Vec<TriangleCorners> {
     change.new.iter().map(|corners| change.corners(mesh, *corners)).collect()
 }
 
 /// Whether new triangles have an area, and meet nothing but what they are joined to.
-fn is_free(mesh: &StarMesh, change: &Change, new: &[TriangleCorners]) -> bool {
+fn is_free(mesh: &StarMesh, change: &LocalChange, new: &[TriangleCorners]) -> bool {
     if !new.iter().all(has_area) {
         return false;
     }

@@ -76,10 +76,7 @@ impl MeshSink for ImprovedSink<'_> {
         let bytes = self.mesh.triangles.len() as u64 * IMPROVED_BYTES_A_TRIANGLE;
         if bytes > self.memory {
             let what = format!("better angles need {bytes} bytes and more for this mesh");
-            return Err(Error::setting(
-                what,
-                "raise --memory, choose fewer --triangles, or leave out --quality",
-            ));
+            return Err(Error::setting(what, "allow more `memory`, or choose a larger `detail`"));
         }
         Ok(())
     }

@@ -2,7 +2,6 @@
 
 use super::super::adaptive::{Bounds, TriangleCorners, bounds};
 use super::super::sink::MeshArrays;
-use super::change::Change;
 use super::loose_octree::LooseOctree;
 
 /// The place of a triangle that is gone.
@@ -85,7 +84,7 @@ impl StarMesh {
     }
 
     /// Makes a change. The surface there is farther from the first mesh by `distance` at most.
-    pub(super) fn apply(&mut self, change: &Change, distance: f64) {
+    pub(super) fn apply(&mut self, change: &LocalChange, distance: f64) {
         let strayed = (self.strayed(&change.old) + distance) as f32;
         for &n in &change.old {
             self.places.remove(n, &bounds(&self.corners(n)));
@@ -119,7 +118,28 @@ impl StarMesh {
     }
 }
 
-/// Grows a box to a point.
+/// Some triangles in place of others with the same border.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LocalChange {
+    /// Numbers of the triangles that go.
+    pub(super) old: Vec<u32>,
+    /// Corners of those that come, no more than go.
+    pub(super) new: Vec<[u32; 3]>,
+    /// A vertex and where it goes.
+    pub(super) moved: Option<(u32, [f32; 3])>,
+}
+
+impl LocalChange {
+    /// Where the corners of a new triangle lie.
+    pub(super) fn corners(&self, mesh: &StarMesh, triangle: [u32; 3]) -> TriangleCorners {
+        triangle.map(|corner| match self.moved {
+            Some((vertex, position)) if vertex == corner => position,
+            _ => mesh.positions[corner as usize],
+        })
+    }
+}
+
+/// The box of some triangles.
 pub(super) fn united(all: &[TriangleCorners]) -> Bounds {
     all.iter().map(bounds).fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[low, high], own| {
         [[0, 1, 2].map(|a| low[a].min(own[0][a])), [0, 1, 2].map(|a| high[a].max(own[1][a]))]
