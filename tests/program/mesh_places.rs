@@ -97,6 +97,36 @@ fn far_coordinates_have_64_bits() {
     assert!(positions.iter().zip(&wanted).all(|(p, q)| (0..3).all(|a| (p[a] - q[a]).abs() < 1e-6)));
 }
 
+/// Whether a binary glTF has three vertices for each triangle, with the numbers of the triangle, as its accessors have them.
+fn glb_holds(
+    file: &[u8],
+    positions: &[[f64; 3]],
+    (triangles, numbers): (&[[usize; 3]], &[Vec<i32>]),
+    has_names: bool,
+) {
+    let length = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!((length(8), length(20 + length(12))), (file.len(), file.len() - 28 - length(12)));
+    let json: Value = serde_json::from_slice(&file[20..20 + length(12)]).unwrap();
+    let data = &file[28 + length(12)..];
+    let mesh = &json["meshes"][0];
+    assert_eq!(mesh["extras"].to_string().contains("Perimeter"), has_names);
+    let primitive = &mesh["primitives"][0];
+    assert!(primitive["indices"].is_null());
+    let floats = |name: &str| -> Vec<f32> {
+        let accessor = &json["accessors"][primitive["attributes"][name].as_u64().unwrap() as usize];
+        let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+        let [at, bytes] = ["byteOffset", "byteLength"].map(|key| view[key].as_u64().unwrap_or(0) as usize);
+        assert_eq!(accessor["count"].as_u64().unwrap() as usize, 3 * triangles.len());
+        data[at..at + bytes].as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
+    };
+    let corners = triangles.iter().flatten().flat_map(|&corner| positions[corner].map(|c| c as f32));
+    assert!(floats("POSITION") == corners.collect::<Vec<f32>>());
+    for (n, name) in ["_BEAD", "_LAYER", "_FEATURE"].into_iter().enumerate() {
+        let column = numbers.iter().flat_map(|row| [row[n] as f32; 3]);
+        assert!(floats(name) == column.collect::<Vec<f32>>(), "{name}");
+    }
+}
+
 #[test]
 fn triangles_have_the_numbers_of_their_beads() {
     let dir = Scratch::new();
@@ -157,6 +187,10 @@ fn triangles_have_the_numbers_of_their_beads() {
         let column: Vec<u8> = numbers.iter().flat_map(|row| row[n].to_le_bytes()).collect();
         assert_eq!(vtp_array(&file, name), column, "{name}");
     }
+    let glb = dir.path("m.glb");
+    run(&[&"mesh", &part, &"-o", &glb, &"--attributes", &named, &"-q"]).ok();
+    let is_named = header.contains("Perimeter");
+    glb_holds(&std::fs::read(&glb).unwrap(), &plain, (&triangles, &numbers), is_named);
     let refused = run(&[&"mesh", &other, &"-o", &mesh, &"--attributes", &"bead"]).failed();
     assert!(refused.contains("--identity"), "{refused}");
     assert!(

@@ -50,6 +50,11 @@ pub fn mesh_caches(memory: Size, store: &Store) -> u64 {
     caches(Size(memory.0.saturating_sub(held)), BYTES_MESH_A_THREAD)
 }
 
+/// What there is when contouring is done: its caches and what threads worked with.
+pub fn after_contouring(caches: u64) -> u64 {
+    caches + rayon::current_num_threads() as u64 * BYTES_MESH_A_THREAD
+}
+
 /// What of the memory for a picture in space is left for bricks. What is taken of the device may be this machine's, as in
 /// builds.
 pub fn render_caches(

@@ -133,7 +133,7 @@ pub struct MeshArgs {
     /// 256th of a cell
     #[arg(long, requires = "output", conflicts_with = "normals")]
     pub double: bool,
-    /// Give every triangle of a .ply or .vtp numbers of the bead that it lies on, as in bead,layer,feature
+    /// Give every triangle of a .ply, .vtp or .glb numbers of the bead that it lies on, as in bead,layer,feature
     ///
     /// Beads are numbered from 0 as in `overlap`, layers from 1, and features as in the list in the file's comments; -1 is none.
     /// The store must tell beads apart (`build --identity`).

@@ -138,7 +138,6 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let values = ply.fill(&bars, |last: &mut PreviousPlace, world| {
         Ok(reference.opposite_next(motion.apply(world), last)?.signed as f32)
     })?;
-    place.tell(&store, &args.output)?;
     let samples: Vec<[f64; 3]> =
         reference.samples(POINTS_BACK)?.into_iter().map(|point| motion.undo(point)).collect();
     let back = at_points(&samples, &bars, |last: &mut PreviousPlace, point| {
@@ -179,6 +178,8 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         document["regions"] = table.objects();
     }
     bars.clear();
+    ply.complete()?;
+    place.tell(&store, &args.output)?;
     if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
         table.append_to(&mut file, kind, &document)?;
         file.finish()?;

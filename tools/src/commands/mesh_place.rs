@@ -4,9 +4,10 @@ use super::unit_of;
 use crate::args::{MeshArgs, OriginArg};
 use crate::failure::Failure;
 use crate::output::{in_line, warn};
+use crate::units::Unit;
 use brickfield_engine::analysis::FaceBeads;
 use brickfield_engine::contour::{
-    Coordinates, DOUBLE_ENDINGS, FaceAttributes, MeshSink, NUMBER_ENDINGS, PlacedSink,
+    Coordinates, DOUBLE_ENDINGS, FaceAttributes, GlbFacesSink, MeshSink, NUMBER_ENDINGS, PlacedSink,
 };
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::part::PartFile;
@@ -188,8 +189,7 @@ pub(super) fn sink<'a>(
     let mut faces: Option<Box<dyn FaceAttributes + 'a>> = None;
     if !args.attributes.is_empty() {
         if !ends_in(output, &NUMBER_ENDINGS) {
-            let what =
-                "--attributes: the name must end in .ply or .vtp, the formats whose triangles have numbers";
+            let what = "--attributes: the name must end in .ply, .vtp or .glb, the formats whose triangles have numbers";
             return Err(Failure::Usage(format!("{}: {what}", in_line(output))));
         }
         let wanted = args.attributes.iter().map(|&attribute| attribute.into()).collect();
@@ -209,5 +209,9 @@ pub(super) fn sink<'a>(
     if output.is_dir() {
         return Ok(None);
     }
-    Ok(Some(Box::new(PlacedSink::create(output, coordinates, faces)?)))
+    let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
+    Ok(Some(match faces {
+        Some(faces) if ends_in(output, &["glb"]) => Box::new(GlbFacesSink::create(output, metres, faces)?),
+        faces => Box::new(PlacedSink::create(output, coordinates, faces)?),
+    }))
 }

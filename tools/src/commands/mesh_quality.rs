@@ -3,6 +3,7 @@
 use super::mesh::MeshReport;
 use super::mesh_shells::ShellChoice;
 use crate::failure::Failure;
+use crate::memory;
 use crate::progress::Bars;
 use brickfield_engine::contour::{Angles, ContourOptions, ImprovedSink, MeshSink};
 use brickfield_engine::store::{BrickTree, Store};
@@ -50,8 +51,8 @@ pub fn write_improved(
 ) -> Result<MeshReport, Failure> {
     let level = options.level.unwrap_or(u8::MAX).min(tree.deepest_level());
     let most_distance = MOST_CELLS * tree.root().spacing(level) + MOST_TOLERANCE * options.tolerance;
-    // The mesh is improved when the caches are no longer needed; until then it takes less than a quarter.
-    let memory = options.cache_bytes as u64;
+    // The mesh is improved when contouring is done; until then it takes less than a quarter.
+    let memory = memory::after_contouring(options.cache_bytes as u64);
     let options = ContourOptions { cache_bytes: options.cache_bytes / 4 * 3, ..options.clone() };
     let mut better = ImprovedSink::new(sink, most_distance, memory, bars);
     let (mut report, before) =

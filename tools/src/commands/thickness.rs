@@ -59,21 +59,26 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     let surface = Surface::new(&store, memory / 2, folder, &bars)
         .map_err(|error| of_store(&store, "surface", error))?;
     let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
-    let mut text = String::new();
+    let (mut text, mut mesh) = (String::new(), None);
     if let Some(ply) = ply {
         let (found, told) = at_vertices(args, (&store, &surface), ply, below, &bars)?;
         document = found;
-        text = told.text;
-        if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &told.table) {
-            table.append_to(&mut file, kind, &document)?;
-            file.finish()?;
-        }
+        text.clone_from(&told.text);
+        mesh = Some(told);
     }
     if let Some(plan) = &plan {
         let spread = plan.write((&store, &surface), (memory / 8, folder), &bars)?;
         document["volume"] = plan.document(&store, &spread);
         let line = plan.summary(&store, &spread);
         text = if text.is_empty() { line } else { format!("{text}\n{line}") };
+    }
+    if let (Some(mut told), Some(output)) = (mesh, &args.output) {
+        told.mesh.complete()?;
+        told.place.tell(&store, output)?;
+        if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &told.table) {
+            table.append_to(&mut file, kind, &document)?;
+            file.finish()?;
+        }
     }
     bars.clear();
     if args.json {
@@ -84,6 +89,9 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
 
 /// What is told of vertices.
 struct Told {
+    /// It has its name when all else is known.
+    mesh: ScalarMesh,
+    place: MeshPlace,
     text: String,
     table: Option<Table<'static>>,
 }
@@ -118,7 +126,6 @@ fn at_vertices(
         let measured = at_world(surface, world, options, last)?;
         Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
     })?;
-    args.output.as_deref().map(|output| place.tell(store, output)).transpose()?;
     let regions = below.map(|below| thin_regions(surface, options, below, bars)).transpose()?;
     let table = regions.as_deref().map(|regions| table(store, regions, cell)).transpose()?;
     let mut document = document(args, store, &values, cell)?;
@@ -132,7 +139,7 @@ fn at_vertices(
     }
     let mut text = summary(args, store, &document, below.zip(regions.as_deref()));
     text.extend(place.line(unit_of(store.meta())).map(|line| format!("\norigin {line}")));
-    Ok((document, Told { text, table }))
+    Ok((document, Told { text, table, mesh: ply, place }))
 }
 
 /// Where the coordinates of a mesh with numbers count from.

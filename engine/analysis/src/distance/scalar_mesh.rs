@@ -114,13 +114,12 @@ impl ScalarMesh {
         (self.positions.len() as u64, self.faces)
     }
 
-    /// Asks for the number of every vertex, on all threads, and finishes the file. The numbers in the order of
-    /// vertices.
+    /// Asks for the number of every vertex, on all threads. The numbers in the order of vertices.
     ///
     /// # Errors
     /// What `number` and writing give.
     pub fn fill<L: Default>(
-        mut self,
+        &mut self,
         progress: &dyn Progress,
         number: impl Fn(&mut L, [f64; 3]) -> Result<f32> + Sync,
     ) -> Result<PointNumbers> {
@@ -154,15 +153,22 @@ impl ScalarMesh {
                 },
             )
         })?;
-        match &mut self.file {
-            ScalarFile::Ply(file) => {
-                file.overwrite(0, head.as_bytes())?;
-                file.finish()?;
-            }
-            ScalarFile::Vtp(file) => file.finish()?,
-            ScalarFile::Glb(file) => file.finish()?,
+        if let ScalarFile::Ply(file) = &mut self.file {
+            file.overwrite(0, head.as_bytes())?;
         }
         Ok(found)
+    }
+
+    /// Gives the file its name. It has its numbers; what else is told of them is known, so that nothing ends halfway.
+    ///
+    /// # Errors
+    /// What writing gives.
+    pub fn complete(&mut self) -> Result<()> {
+        match &mut self.file {
+            ScalarFile::Ply(file) => file.finish().map(|_| ()),
+            ScalarFile::Vtp(file) => file.finish(),
+            ScalarFile::Glb(file) => file.finish(),
+        }
     }
 }
 

@@ -28,12 +28,16 @@ use crate::predicates::{has_area, meet_by_place};
 use crate::progress::Progress;
 use change::changes;
 use patch::patch_distance;
+use rayon::prelude::*;
 use stars::{LocalChange, StarMesh, united};
+use std::collections::HashSet;
 
 /// Degrees below which an angle, of a triangle or between two of them, is too small.
 const SMALL: f64 = 10.0;
 /// How often all are looked at, at most.
 const ROUNDS: usize = 8;
+/// Triangles for which changes are looked for at once.
+const TOGETHER: usize = 1024;
 /// Least gain for which something is changed.
 const LEAST_GAIN: f64 = 1e-3;
 
@@ -58,23 +62,59 @@ pub(super) fn improve(
         progress.phase("slivers", Some(small.len() as u64), "triangles");
         is_new.fill(false);
         let mut has_changed = false;
-        for (_, n) in small {
+        for some in small.chunks(TOGETHER) {
             progress.check()?;
-            progress.advance(1);
-            if mesh.is_there(n)
-                && angle(&mesh, n) < SMALL
-                && let Some((change, distance)) = best(&mesh, n, most)
-            {
-                has_changed = true;
-                mesh.apply(&change, distance);
-                change.new.as_flattened().iter().for_each(|vertex| is_new[*vertex as usize] = true);
-            }
+            has_changed |= improve_some(&mut mesh, some, most, &mut is_new);
+            progress.advance(some.len() as u64);
         }
         if !has_changed {
             break;
         }
     }
     Ok(mesh.into_arrays())
+}
+
+/// Improves some triangles, one after the other, with changes that all threads have looked for before. One that is not what it
+/// was, since a triangle before it has changed what it needs, is looked for again.
+fn improve_some(mesh: &mut StarMesh, some: &[(f64, u32)], most: f64, is_new: &mut [bool]) -> bool {
+    let is_small = |mesh: &StarMesh, n: u32| mesh.is_there(n) && angle(mesh, n) < SMALL;
+    let look = |(_, n): &(f64, u32)| if is_small(mesh, *n) { best(mesh, *n, most) } else { None };
+    let looked: Vec<_> = some.par_iter().map(look).collect();
+    let mut changed = HashSet::new();
+    for ((_, n), found) in some.iter().zip(looked) {
+        if !is_small(mesh, *n) {
+            continue;
+        }
+        let is_as_it_was = || vertices_about(mesh, *n).iter().all(|vertex| !changed.contains(vertex));
+        let found = match found {
+            found if changed.is_empty() => found,
+            Some((change, distance)) if is_as_it_was() => {
+                let is_free = is_free(mesh, &change, &new_corners(mesh, &change));
+                if is_free { Some((change, distance)) } else { best(mesh, *n, most) }
+            }
+            None if is_as_it_was() => None,
+            _ => best(mesh, *n, most),
+        };
+        if let Some((change, distance)) = found {
+            let gone = change.old.iter().flat_map(|n| mesh.triangle(*n));
+            changed.extend(gone.chain(change.new.as_flattened().iter().copied()));
+            mesh.apply(&change, distance);
+            change.new.as_flattened().iter().for_each(|vertex| is_new[*vertex as usize] = true);
+        }
+    }
+    !changed.is_empty()
+}
+
+/// The corners of a triangle, those beside them, and those beside these: all that its changes look at, but for where others
+/// would meet them.
+fn vertices_about(mesh: &StarMesh, triangle: u32) -> Vec<u32> {
+    let mut found = mesh.triangle(triangle).to_vec();
+    for _ in 0..2 {
+        found = found.iter().flat_map(|vertex| mesh.around(*vertex)).collect();
+        found.sort_unstable();
+        found.dedup();
+    }
+    found
 }
 
 /// The best change for a triangle, and how far it takes the surface.

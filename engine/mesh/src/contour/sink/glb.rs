@@ -16,12 +16,12 @@ use std::path::Path;
 /// characters.
 const JSON_BYTES: usize = 1024;
 /// Header of the file, and of a chunk.
-const HEAD_BYTES: usize = 12;
-const CHUNK_BYTES: usize = 8;
+pub(super) const HEAD_BYTES: usize = 12;
+pub(super) const CHUNK_BYTES: usize = 8;
 /// Where the positions begin.
 const DATA: u64 = (HEAD_BYTES + CHUNK_BYTES + JSON_BYTES + CHUNK_BYTES) as u64;
 /// Bytes of a position, of a normal, and of the indices of a triangle.
-const TRIPLE_BYTES: u64 = 12;
+pub(super) const TRIPLE_BYTES: u64 = 12;
 
 /// A mesh as binary glTF, whose vertices may have normals, or a number of 32 bits each.
 pub struct GlbSink {
@@ -72,13 +72,7 @@ impl GlbSink {
 
     /// Refuses what is longer than the format can say.
     fn require_room(&self) -> Result<()> {
-        if DATA + self.data_bytes() > u64::from(u32::MAX) {
-            return Err(Error::setting(
-                format!("{}: a GLB file cannot hold 4 GiB", self.file.path().display()),
-                "write .ply or choose a coarser level with `level`",
-            ));
-        }
-        Ok(())
+        require_glb_room(&self.file, JSON_BYTES, self.data_bytes())
     }
 
     /// From one vertex to the next.
@@ -90,21 +84,6 @@ impl GlbSink {
     fn data_bytes(&self) -> u64 {
         let numbers = self.numbers.as_ref().map_or(0, |(_, count)| 4 * count);
         self.vertex_bytes() * self.vertices + TRIPLE_BYTES * self.triangles + numbers
-    }
-
-    /// All that stands before the second chunk.
-    fn head(&self) -> Vec<u8> {
-        let chunk = if self.vertices == 0 { 0 } else { CHUNK_BYTES as u64 + self.data_bytes() };
-        let total = (HEAD_BYTES + CHUNK_BYTES + JSON_BYTES) as u64 + chunk;
-        let mut head = b"glTF".to_vec();
-        // Both fit: `encoded` has seen to it.
-        for number in [2, total as u32, JSON_BYTES as u32] {
-            head.extend(number.to_le_bytes());
-        }
-        head.extend(b"JSON");
-        head.extend(self.json().bytes());
-        head.resize(HEAD_BYTES + CHUNK_BYTES + JSON_BYTES, b' ');
-        head
     }
 
     fn json(&self) -> String {
@@ -188,14 +167,40 @@ impl MeshSink for GlbSink {
     }
 
     fn finish(&mut self) -> Result<()> {
-        self.file.overwrite(0, &self.head())?;
-        if self.vertices > 0 {
-            let mut chunk = (self.data_bytes() as u32).to_le_bytes().to_vec();
-            chunk.extend(b"BIN\0");
-            self.file.overwrite(DATA - CHUNK_BYTES as u64, &chunk)?;
-        }
+        let data_bytes = if self.vertices == 0 { None } else { Some(self.data_bytes()) };
+        self.file.overwrite(0, &glb_head(&self.json(), JSON_BYTES, data_bytes))?;
         self.file.finish()
     }
+}
+
+/// Refuses what is longer than the format can say, with so many bytes of JSON and of data.
+pub(super) fn require_glb_room(file: &PartFile, json_bytes: usize, data_bytes: u64) -> Result<()> {
+    if (HEAD_BYTES + 2 * CHUNK_BYTES + json_bytes) as u64 + data_bytes > u64::from(u32::MAX) {
+        return Err(Error::setting(
+            format!("{}: a GLB file cannot hold 4 GiB", file.path().display()),
+            "write .ply or choose a coarser level with `level`",
+        ));
+    }
+    Ok(())
+}
+
+/// All that stands before the data: JSON filled up to so many bytes, and the head of the second chunk if there is one. What is
+/// longer than the format can say has been refused.
+pub(super) fn glb_head(json: &str, json_bytes: usize, data_bytes: Option<u64>) -> Vec<u8> {
+    let chunk = data_bytes.map_or(0, |bytes| CHUNK_BYTES as u64 + bytes);
+    let total = (HEAD_BYTES + CHUNK_BYTES + json_bytes) as u64 + chunk;
+    let mut head = b"glTF".to_vec();
+    for number in [2, total as u32, json_bytes as u32] {
+        head.extend(number.to_le_bytes());
+    }
+    head.extend(b"JSON");
+    head.extend(json.bytes());
+    head.resize(HEAD_BYTES + CHUNK_BYTES + json_bytes, b' ');
+    if let Some(bytes) = data_bytes {
+        head.extend((bytes as u32).to_le_bytes());
+        head.extend(b"BIN\0");
+    }
+    head
 }
 
 #[cfg(test)]

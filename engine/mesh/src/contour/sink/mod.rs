@@ -2,6 +2,7 @@
 
 mod arrays;
 mod glb;
+mod glb_faces;
 mod obj;
 mod placed;
 mod ply;
@@ -22,6 +23,7 @@ pub(super) use arrays::triples;
 pub use arrays::write_triangles;
 pub use arrays::{DiscardSink, MeshArrays, PositionsSink};
 pub use glb::GlbSink;
+pub use glb_faces::GlbFacesSink;
 pub use placed::{Coordinates, DOUBLE_ENDINGS, FaceAttributes, NUMBER_ENDINGS, PlacedSink};
 pub use ply::ply_faces;
 pub use three_mf_parts::{MeshPart, write_three_mf_parts};

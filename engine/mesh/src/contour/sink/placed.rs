@@ -39,8 +39,8 @@ enum PlacedFile {
 
 /// Endings of formats with coordinates of 64 bits.
 pub const DOUBLE_ENDINGS: [&str; 3] = ["ply", "obj", "vtp"];
-/// Endings of those whose triangles have numbers.
-pub const NUMBER_ENDINGS: [&str; 2] = ["ply", "vtp"];
+/// Endings of those whose triangles have numbers; a GLB has them in a sink of its own, [`super::GlbFacesSink`].
+pub const NUMBER_ENDINGS: [&str; 3] = ["ply", "vtp", "glb"];
 
 /// A mesh in a file, one vertex and one triangle after the other.
 pub struct PlacedSink<'a> {
@@ -184,7 +184,7 @@ impl MeshSink for PlacedSink<'_> {
             }
             PlacedFile::Obj(file) => file.finish(),
             PlacedFile::Vtp(file, waiting) => {
-                waiting.write(file)?;
+                waiting.each(|n, bytes| file.numbers(n, bytes))?;
                 file.finish()
             }
         }

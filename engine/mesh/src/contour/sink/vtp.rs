@@ -237,14 +237,14 @@ impl WaitingNumbers {
         Ok(())
     }
 
-    /// Writes them.
-    pub(super) fn write(&self, file: &mut VtpFile) -> Result<()> {
+    /// Hands them on, one column after the other, each with its number.
+    pub(super) fn each(&self, mut take: impl FnMut(usize, &[u8]) -> Result<()>) -> Result<()> {
         let mut bytes = vec![0; 1 << 16];
         for (n, column) in self.columns.iter().enumerate() {
             for at in (0..column.bytes()).step_by(bytes.len()) {
                 let length = (column.bytes() - at).min(bytes.len() as u64) as usize;
                 column.read(at, &mut bytes[..length])?;
-                file.numbers(n, &bytes[..length])?;
+                take(n, &bytes[..length])?;
             }
         }
         Ok(())
