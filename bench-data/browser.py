@@ -62,6 +62,16 @@ class Browser:
         self.events = []
         self.call("Page.navigate", url=address)
 
+    def sized(self, width, height):
+        """Gives the page this size."""
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    def visit(self, address, width, height):
+        """Opens a page that has its size from its first line on."""
+        self.page("about:blank")
+        self.sized(width, height)
+        self.call("Page.navigate", url=address)
+
     def settled(self, done="state.done"):
         """The state of the page when it has all, refuses its data, or another condition holds."""
         began = time.monotonic()

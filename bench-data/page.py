@@ -55,7 +55,7 @@ def check(browser, args, expected, Image):
     if state["error"]:
         sys.exit("the page says: " + state["error"])
     seconds = time.monotonic() - began
-    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+    browser.sized(width, height)
     look = f"brickfield.resize({width}, {height}); brickfield.fit();"
     look += "{ const t = performance.now(); const p = brickfield.picture(); JSON.stringify([p, performance.now() - t]) }"
     picture, milliseconds = json.loads(browser.value(look))

@@ -58,9 +58,7 @@ def look(args, address, view):
         browser = Browser(args.chromium, profile)
         try:
             width, height = map(int, args.size.split("x"))
-            browser.page("about:blank")
-            browser.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-            browser.call("Page.navigate", url=f"{address}#{view[0]},{view[1]}")
+            browser.visit(f"{address}#{view[0]},{view[1]}", width, height)
             state = browser.settled()
             if state["error"]:
                 sys.exit("the page says: " + state["error"])
@@ -109,9 +107,7 @@ class Visit:
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
         self.profile = tempfile.TemporaryDirectory()
         self.browser = Browser(args.chromium, self.profile.name)
-        self.browser.page("about:blank")
-        self.browser.call("Emulation.setDeviceMetricsOverride", width=200, height=150, deviceScaleFactor=1, mobile=False)
-        self.browser.call("Page.navigate", url=f"http://127.0.0.1:{self.server.server_address[1]}/")
+        self.browser.visit(f"http://127.0.0.1:{self.server.server_address[1]}/", 200, 150)
 
     def __enter__(self):
         return self.browser, self.server

@@ -35,7 +35,7 @@ use std::time::Instant;
 const BRICK_CACHE_BYTES: u64 = 8 << 20;
 
 /// The winding number at the boundary.
-const BOUNDARY: f64 = 0.5;
+pub(super) const BOUNDARY: f64 = 0.5;
 
 /// Runs the command.
 pub fn run(args: MeshArgs) -> Result<(), Failure> {

@@ -27,7 +27,7 @@ const LEAST_PART: f64 = 16.0;
 
 /// By how much 32 bits round the largest coordinate; nothing where another origin would not make that less.
 fn rounding(root: RootCube) -> f64 {
-    let most = root.origin.iter().map(|c| c.abs().max((c + root.edge).abs())).fold(0.0, f64::max);
+    let most = root.farthest();
     if most > 2.0 * root.edge { most * f64::from(f32::EPSILON) / 2.0 } else { 0.0 }
 }
 

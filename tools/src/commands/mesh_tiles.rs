@@ -1,5 +1,6 @@
 //! `brickfield mesh -o FOLDER/tileset.json`: meshes of all levels as 3D Tiles.
 
+use super::mesh::BOUNDARY;
 use super::{of_store, open_store, require_level, start};
 use crate::args::{MeshArgs, MethodArg};
 use crate::failure::Failure;
@@ -30,7 +31,7 @@ pub(super) fn run(args: &MeshArgs, output: &Path) -> Result<(), Failure> {
         let what = "tiles need a folder of their own, as in tiles/tileset.json";
         Failure::Usage(format!("{}: {what}", in_line(output)))
     })?;
-    let iso = args.iso.unwrap_or(0.5);
+    let iso = args.iso.unwrap_or(BOUNDARY);
     let bars = start(args.work)?;
     let store = open_store(&args.file, 0, args.io, AcceptedStores::Whole)?;
     let cache_bytes = memory::mesh_caches(args.memory, &store);

@@ -78,14 +78,12 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     let levels =
         SplatLevels::new(&store, options, &bars).map_err(|error| of_store(&store, "leaves", error))?;
     let written = match kind {
-        Kind::Bsp => bsp(args, &store, &levels, &bars)?,
         Kind::Ply => of_gaussians(args, write_ply(&levels, args.level, &args.output)?),
         Kind::Glb => {
             let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
             of_gaussians(args, write_glb(&levels, args.level, metres, &args.output)?)
         }
-        Kind::Page => page(args, &store, &levels, &bars)?,
-        Kind::Folder => page_folder(args, &store, &levels, &bars)?,
+        Kind::Bsp | Kind::Page | Kind::Folder => all_levels(args, kind, (&store, &levels), &bars)?,
     };
     bars.clear();
     if args.json {
@@ -100,38 +98,25 @@ struct SplatsReport {
     json: Value,
 }
 
-fn bsp(
+/// Writes a file, a page or a folder of all levels.
+fn all_levels(
     args: &SplatsArgs,
-    store: &Store,
-    levels: &SplatLevels,
+    kind: Kind,
+    (store, levels): (&Store, &SplatLevels),
     bars: &dyn Progress,
 ) -> Result<SplatsReport, Failure> {
-    let meta = store.meta();
-    let summary = write_bsp(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], &args.output, bars)?;
-    Ok(said(args, store, &summary, summary.bytes))
-}
-
-fn page(
-    args: &SplatsArgs,
-    store: &Store,
-    levels: &SplatLevels,
-    bars: &dyn Progress,
-) -> Result<SplatsReport, Failure> {
-    let meta = store.meta();
-    let (bytes, summary) = bsp_bytes(levels, &meta.unit, [meta.bounds_min, meta.bounds_max], bars)?;
-    let written = write_page(&bytes, &args.output)?;
-    Ok(said(args, store, &summary, written))
-}
-
-fn page_folder(
-    args: &SplatsArgs,
-    store: &Store,
-    levels: &SplatLevels,
-    bars: &dyn Progress,
-) -> Result<SplatsReport, Failure> {
-    let meta = store.meta();
-    let bounds = [meta.bounds_min, meta.bounds_max];
-    let (written, summary) = write_page_folder(levels, &meta.unit, bounds, &args.output, bars)?;
+    let (unit, bounds) = (&store.meta().unit, [store.meta().bounds_min, store.meta().bounds_max]);
+    let (written, summary) = match kind {
+        Kind::Page => {
+            let (bytes, summary) = bsp_bytes(levels, unit, bounds, bars)?;
+            (write_page(&bytes, &args.output)?, summary)
+        }
+        Kind::Folder => write_page_folder(levels, unit, bounds, &args.output, bars)?,
+        _ => {
+            let summary = write_bsp(levels, unit, bounds, &args.output, bars)?;
+            (summary.bytes, summary)
+        }
+    };
     Ok(said(args, store, &summary, written))
 }
 

@@ -61,9 +61,9 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
     let (mut text, mut mesh) = (String::new(), None);
     if let Some(ply) = ply {
-        let (found, told) = at_vertices(args, (&store, &surface), ply, below, &bars)?;
+        let (found, mut told) = at_vertices(args, (&store, &surface), ply, below, &bars)?;
         document = found;
-        text.clone_from(&told.text);
+        text = std::mem::take(&mut told.text);
         mesh = Some(told);
     }
     if let Some(plan) = &plan {

@@ -3,7 +3,7 @@
 use super::numbers::{NumberRows, PointNumbers, numbers};
 use crate::contour::{
     Coordinates, GlbSink, MeshChunk, MeshEncoding, MeshSink, NumbersOf, TriangleBytes, VertexBytes, VtpFile,
-    ply_faces, vtp_corners, write_triangles,
+    placed, ply_faces, vtp_corners, write_triangles,
 };
 use crate::error::Result;
 use crate::part::PartFile;
@@ -170,11 +170,6 @@ impl ScalarMesh {
             ScalarFile::Glb(file) => file.finish(),
         }
     }
-}
-
-/// A position in the world.
-fn placed(base: [f64; 3], position: [f32; 3]) -> [f64; 3] {
-    std::array::from_fn(|a| base[a] + f64::from(position[a]))
 }
 
 /// The vertices of a PLY, each with its number; with 64 bits where there is a base to add.

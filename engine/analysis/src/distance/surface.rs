@@ -62,8 +62,7 @@ impl Surface {
         let (root, deepest) = (tree.root(), tree.deepest_level());
         // Facets have coordinates of 32 bits: far from the origin they are those of a tree about its middle.
         let moved = MovedTree::new(tree, MovedTree::middle(tree));
-        let farthest = root.origin.iter().map(|c| c.abs().max((c + root.edge).abs())).fold(0.0, f64::max);
-        let placed: &dyn BrickTree = if farthest > FAR_EDGES * root.edge { &moved } else { tree };
+        let placed: &dyn BrickTree = if root.farthest() > FAR_EDGES * root.edge { &moved } else { tree };
         let (mut keys, mut pieces, mut patches) = (Vec::new(), Spilled::new(memory, folder), 0);
         let (mut blocks, mut normals) = (Vec::new(), Vec::new());
         let caches = (memory / 2).clamp(16 << 20, 512 << 20);

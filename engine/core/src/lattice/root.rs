@@ -101,6 +101,11 @@ impl RootCube {
         self.to_units(world).map(|u| ((u - 1.0) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT)
     }
 
+    /// The largest coordinate of the cube without its sign.
+    pub fn farthest(&self) -> f64 {
+        self.origin.iter().map(|c| c.abs().max((c + self.edge).abs())).fold(0.0, f64::max)
+    }
+
     /// World distance of two samples of `level`, the cell size there.
     #[inline]
     pub fn spacing(&self, level: u8) -> f64 {

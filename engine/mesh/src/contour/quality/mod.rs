@@ -20,7 +20,8 @@ mod stars;
 
 pub use sink::ImprovedSink;
 
-use super::adaptive::{TriangleCorners, are_apart, meets, normal, wide};
+use super::adaptive::{TriangleCorners, are_apart, bounds, meets, normal, wide};
+use super::frame::united;
 use super::shells::smallest_angle;
 use super::sink::MeshArrays;
 use crate::error::Result;
@@ -29,7 +30,7 @@ use crate::progress::Progress;
 use change::changes;
 use patch::patch_distance;
 use rayon::prelude::*;
-use stars::{LocalChange, StarMesh, united};
+use stars::{LocalChange, StarMesh};
 use std::collections::HashSet;
 
 /// Degrees below which an angle, of a triangle or between two of them, is too small.
@@ -119,23 +120,31 @@ fn vertices_about(mesh: &StarMesh, triangle: u32) -> Vec<u32> {
 
 /// The best change for a triangle, and how far it takes the surface.
 fn best(mesh: &StarMesh, triangle: u32, most: f64) -> Option<(LocalChange, f64)> {
-    let gained =
-        changes(mesh, triangle).into_iter().filter_map(|change| Some((gain(mesh, &change)?, change)));
-    let mut gained: Vec<(f64, LocalChange)> = gained.collect();
+    let all = changes(mesh, triangle);
+    let mut gained: Vec<(f64, &LocalChange)> = Vec::new();
+    // Many changes are of the same triangles.
+    for some in all.chunk_by(|a, b| a.old == b.old) {
+        let before = before(mesh, &some[0]);
+        gained.extend(some.iter().filter_map(|change| Some((gain(mesh, before, change)?, change))));
+    }
     gained.sort_by(|a, b| b.0.total_cmp(&a.0));
     gained.into_iter().find_map(|(_, change)| {
-        let (old, new) = (old_corners(mesh, &change), new_corners(mesh, &change));
+        let (old, new) = (old_corners(mesh, change), new_corners(mesh, change));
         let distance = patch_distance(&old, &new, most - mesh.strayed(&change.old))?;
-        is_free(mesh, &change, &new).then_some((change, distance))
+        is_free(mesh, change, &new).then(|| (change.clone(), distance))
     })
 }
 
 /// How much less triangles fall short of [`SMALL`] angles; `None` if nothing is gained or the smallest angle is no larger.
-fn gain(mesh: &StarMesh, change: &LocalChange) -> Option<f64> {
-    let old: Vec<[u32; 3]> = change.old.iter().map(|n| mesh.triangle(*n)).collect();
-    let (short, least) = short(mesh, &old, &old_corners(mesh, change));
+fn gain(mesh: &StarMesh, (short, least): (f64, f64), change: &LocalChange) -> Option<f64> {
     let (less_short, larger) = self::short(mesh, &change.new, &new_corners(mesh, change));
     (larger >= least && short - less_short > LEAST_GAIN).then_some(short - less_short)
+}
+
+/// The same sums as of the triangles that come, of those that go.
+fn before(mesh: &StarMesh, change: &LocalChange) -> (f64, f64) {
+    let old: Vec<[u32; 3]> = change.old.iter().map(|n| mesh.triangle(*n)).collect();
+    short(mesh, &old, &old_corners(mesh, change))
 }
 
 /// The sum of squares by which triangles of a patch fall short of [`SMALL`] angles, and the smallest one.
@@ -197,13 +206,14 @@ fn is_free(mesh: &StarMesh, change: &LocalChange, new: &[TriangleCorners]) -> bo
     if (0..new.len()).any(is_pair_met) {
         return false;
     }
-    let boxes: Vec<_> = new.iter().map(|corners| united(&[*corners])).collect();
-    !mesh.places.any(&united(new), |other| {
+    let boxes: Vec<_> = new.iter().map(bounds).collect();
+    let around = boxes.iter().copied().reduce(united).unwrap_or_default();
+    !mesh.places.any(&around, |other| {
         if change.old.contains(&other) {
             return false;
         }
         let corners = mesh.corners(other);
-        let own = united(&[corners]);
+        let own = bounds(&corners);
         // Another vertex at the same place would be one with it in formats without numbers.
         let is_taken = change.moved.is_some_and(|(vertex, position)| {
             (0..3).any(|c| mesh.triangle(other)[c] != vertex && corners[c] == position)

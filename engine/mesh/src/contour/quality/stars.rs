@@ -1,6 +1,7 @@
 //! A triangle mesh with the triangles at each vertex, which changes.
 
-use super::super::adaptive::{Bounds, TriangleCorners, bounds};
+use super::super::adaptive::{TriangleCorners, bounds};
+use super::super::frame::united;
 use super::super::sink::MeshArrays;
 use super::loose_octree::LooseOctree;
 
@@ -27,9 +28,7 @@ impl StarMesh {
         for (n, corners) in (0..).zip(&triangles) {
             corners.iter().for_each(|&corner| stars[corner as usize].push(n));
         }
-        let all = positions.iter().fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[low, high], p| {
-            [[0, 1, 2].map(|a| low[a].min(p[a])), [0, 1, 2].map(|a| high[a].max(p[a]))]
-        });
+        let all = positions.iter().map(|p| [*p; 2]).reduce(united).unwrap_or_default();
         let strayed = vec![0.0; triangles.len()];
         let mut made = StarMesh { positions, triangles, stars, strayed, places: LooseOctree::new(&all) };
         for n in 0..made.triangles.len() as u32 {
@@ -137,11 +136,4 @@ impl LocalChange {
             _ => mesh.positions[corner as usize],
         })
     }
-}
-
-/// The box of some triangles.
-pub(super) fn united(all: &[TriangleCorners]) -> Bounds {
-    all.iter().map(bounds).fold([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]], |[low, high], own| {
-        [[0, 1, 2].map(|a| low[a].min(own[0][a])), [0, 1, 2].map(|a| high[a].max(own[1][a]))]
-    })
 }

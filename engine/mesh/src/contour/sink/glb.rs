@@ -16,8 +16,8 @@ use std::path::Path;
 /// characters.
 const JSON_BYTES: usize = 1024;
 /// Header of the file, and of a chunk.
-pub(super) const HEAD_BYTES: usize = 12;
-pub(super) const CHUNK_BYTES: usize = 8;
+pub(in crate::contour) const HEAD_BYTES: usize = 12;
+pub(in crate::contour) const CHUNK_BYTES: usize = 8;
 /// Where the positions begin.
 const DATA: u64 = (HEAD_BYTES + CHUNK_BYTES + JSON_BYTES + CHUNK_BYTES) as u64;
 /// Bytes of a position, of a normal, and of the indices of a triangle.
@@ -87,14 +87,12 @@ impl GlbSink {
     }
 
     fn json(&self) -> String {
-        let asset = r#""asset":{"version":"2.0","generator":"Brickfield"},"scene":0"#;
         if self.vertices == 0 {
-            // Without anything in it glTF knows no mesh.
-            return format!(r#"{{{asset},"scenes":[{{}}]}}"#);
+            return empty_json();
         }
         // With an exponent, or small numbers would take a line of zeros.
         let [low, high] = self.bounds.map(|at| at.map(|c| format!("{:e}", f64::from(c))).join(","));
-        let (metres, indices) = (format!("{:e}", self.metres), 3 * self.triangles);
+        let indices = 3 * self.triangles;
         let (vertices, indices_bytes) = (self.vertices, TRIPLE_BYTES * self.triangles);
         let (stride, vertices_bytes) = (self.vertex_bytes(), self.vertex_bytes() * vertices);
         let [mut attribute, mut accessor, mut view] = [const { String::new() }; 3];
@@ -113,8 +111,7 @@ impl GlbSink {
             last_view = format!(r#",{{"buffer":0,"byteOffset":{from},"byteLength":{bytes},"target":34962}}"#);
         }
         [
-            format!(r#"{{{asset},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"#),
-            format!(r#""matrix":[{metres},0,0,0,0,0,-{metres},0,0,{metres},0,0,0,0,0,1]}}],"#),
+            part_node(self.metres),
             format!(
                 r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":0{attribute}}},"indices":1}}]}}],"#
             ),
@@ -173,6 +170,20 @@ impl MeshSink for GlbSink {
     }
 }
 
+/// Who wrote a file.
+pub(in crate::contour) const ASSET: &str = r#""asset":{"version":"2.0","generator":"Brickfield"},"scene":0"#;
+
+/// The whole JSON of no mesh: glTF knows none without anything in it.
+pub(super) fn empty_json() -> String {
+    format!(r#"{{{ASSET},"scenes":[{{}}]}}"#)
+}
+
+/// The beginning of the JSON of a mesh with z up in units of so many metres: the node that turns and scales it.
+pub(super) fn part_node(metres: f64) -> String {
+    let start = format!(r#"{{{ASSET},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"#);
+    format!(r#"{start}"matrix":[{metres:e},0,0,0,0,0,-{metres:e},0,0,{metres:e},0,0,0,0,0,1]}}],"#)
+}
+
 /// Refuses what is longer than the format can say, with so many bytes of JSON and of data.
 pub(super) fn require_glb_room(file: &PartFile, json_bytes: usize, data_bytes: u64) -> Result<()> {
     if (HEAD_BYTES + 2 * CHUNK_BYTES + json_bytes) as u64 + data_bytes > u64::from(u32::MAX) {
@@ -186,7 +197,7 @@ pub(super) fn require_glb_room(file: &PartFile, json_bytes: usize, data_bytes: u
 
 /// All that stands before the data: JSON filled up to so many bytes, and the head of the second chunk if there is one. What is
 /// longer than the format can say has been refused.
-pub(super) fn glb_head(json: &str, json_bytes: usize, data_bytes: Option<u64>) -> Vec<u8> {
+pub(in crate::contour) fn glb_head(json: &str, json_bytes: usize, data_bytes: Option<u64>) -> Vec<u8> {
     let chunk = data_bytes.map_or(0, |bytes| CHUNK_BYTES as u64 + bytes);
     let total = (HEAD_BYTES + CHUNK_BYTES + json_bytes) as u64 + chunk;
     let mut head = b"glTF".to_vec();

@@ -1,7 +1,7 @@
 //! Binary glTF whose triangles have numbers. glTF has attributes of vertices alone, so each triangle has vertices of its own, three
 //! with the same numbers, and no indices (Khronos glTF 2.0, §3.7.2).
 
-use super::glb::{CHUNK_BYTES, HEAD_BYTES, TRIPLE_BYTES, glb_head, require_glb_room};
+use super::glb::{CHUNK_BYTES, HEAD_BYTES, TRIPLE_BYTES, empty_json, glb_head, part_node, require_glb_room};
 use super::vtp::WaitingNumbers;
 use super::{FaceAttributes, MeshSink, folder_of};
 use crate::contour::cut::MeshTriangle;
@@ -63,10 +63,9 @@ impl<'a> GlbFacesSink<'a> {
     }
 
     fn json(&self) -> String {
-        let asset = r#""asset":{"version":"2.0","generator":"Brickfield"},"scene":0"#;
-        let Some(bounds) = self.bounds else { return format!(r#"{{{asset},"scenes":[{{}}]}}"#) };
+        let Some(bounds) = self.bounds else { return empty_json() };
         let [low, high] = bounds.map(|at| at.map(|c| format!("{:e}", f64::from(c))).join(","));
-        let (metres, count) = (format!("{:e}", self.metres), CORNERS * self.triangles);
+        let count = CORNERS * self.triangles;
         let [positions, numbers] = self.part_bytes();
         let [mut attributes, mut accessors, mut views] = [const { String::new() }; 3];
         for (n, name) in self.faces.names().iter().enumerate() {
@@ -84,8 +83,7 @@ impl<'a> GlbFacesSink<'a> {
             false => format!(r#","extras":{{"comments":[{}]}}"#, comments.join(",")),
         };
         [
-            format!(r#"{{{asset},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"#),
-            format!(r#""matrix":[{metres},0,0,0,0,0,-{metres},0,0,{metres},0,0,0,0,0,1]}}],"#),
+            part_node(self.metres),
             format!(
                 r#""meshes":[{{"primitives":[{{"attributes":{{"POSITION":0{attributes}}}}}]{extras}}}],"#
             ),

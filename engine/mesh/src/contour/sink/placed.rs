@@ -109,8 +109,13 @@ impl<'a> PlacedSink<'a> {
             Coordinates::Single => [0.0; 3],
             Coordinates::DoubleFrom(base) => base,
         };
-        std::array::from_fn(|a| base[a] + f64::from(position[a]))
+        placed(base, position)
     }
+}
+
+/// A position in the world of one that counts from `base`.
+pub fn placed(base: [f64; 3], position: [f32; 3]) -> [f64; 3] {
+    std::array::from_fn(|a| base[a] + f64::from(position[a]))
 }
 
 impl MeshSink for PlacedSink<'_> {

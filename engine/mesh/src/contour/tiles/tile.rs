@@ -1,5 +1,7 @@
 //! The mesh of a node as binary glTF 2.0, in metres. glTF has y up and tiles have z up, so readers turn what they read.
 
+use super::super::sink::{ASSET, CHUNK_BYTES, HEAD_BYTES, glb_head};
+
 /// Ends of the JSON and of the data, in bytes: 3D Tiles wants both at multiples of eight.
 const ALIGNMENT: usize = 8;
 
@@ -36,7 +38,7 @@ pub(super) fn tile_bytes(mesh: &TileMesh) -> Vec<u8> {
     let (vertices, indices) = (mesh.positions.len(), mesh.indices.len());
     let component = if is_short { 5123 } else { 5125 };
     let json = [
-        r#"{"asset":{"version":"2.0","generator":"Brickfield"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],"#.to_owned(),
+        format!(r#"{{{ASSET},"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],"#),
         r#""meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1},"indices":2,"material":0}]}],"#.to_owned(),
         r#""materials":[{"pbrMetallicRoughness":{"baseColorFactor":[0.34,0.39,0.47,1],"metallicFactor":0,"roughnessFactor":0.7}}],"#
             .to_owned(),
@@ -48,23 +50,10 @@ pub(super) fn tile_bytes(mesh: &TileMesh) -> Vec<u8> {
         format!(r#""buffers":[{{"byteLength":{}}}]}}"#, data.len()),
     ]
     .concat();
-    glb(json.into_bytes(), data)
-}
-
-/// Both chunks behind their header; the data end at a multiple of eight.
-fn glb(mut json: Vec<u8>, data: Vec<u8>) -> Vec<u8> {
-    const HEAD: usize = 12 + 8;
-    json.resize((HEAD + json.len()).next_multiple_of(ALIGNMENT) - HEAD, b' ');
-    let total = HEAD + json.len() + 8 + data.len();
-    let mut bytes = Vec::with_capacity(total);
-    bytes.extend(b"glTF");
-    for number in [2, total as u32, json.len() as u32] {
-        bytes.extend(number.to_le_bytes());
-    }
-    bytes.extend(b"JSON");
-    bytes.extend(json);
-    bytes.extend((data.len() as u32).to_le_bytes());
-    bytes.extend(b"BIN\0");
+    // Both chunks end at a multiple of eight.
+    const HEAD: usize = HEAD_BYTES + CHUNK_BYTES;
+    let json_bytes = (HEAD + json.len()).next_multiple_of(ALIGNMENT) - HEAD;
+    let mut bytes = glb_head(&json, json_bytes, Some(data.len() as u64));
     bytes.extend(data);
     bytes
 }
