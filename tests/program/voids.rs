@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use brickfield_bench_data::{Mesh, shapes, write};
+use std::ffi::OsStr;
 
 /// A block of 20³ with two cavities, boxes of 3³ and of 2 × 4 × 6, turned out of step with the cells.
 fn block(dir: &Scratch) -> std::path::PathBuf {
@@ -94,6 +95,18 @@ fn voids_that_the_cad_part_has_are_pockets() {
     let rows = json(&out)["voids"].clone();
     let told = |row: usize| (rows[row]["class"].as_str(), rows[row]["cad_share"].as_f64());
     assert_eq!((told(0), told(1)), ((Some("pocket"), Some(0.0)), (Some("flaw"), Some(1.0))));
+    // Pictures show these classes: without a CAD part nothing tells them.
+    let picture = dir.path("v.png");
+    let mut section: Vec<&dyn AsRef<OsStr>> =
+        vec![&"slice", &part, &"-o", &picture, &"--z", &"12", &"--style", &"voids"];
+    section.extend([&"--classes" as &dyn AsRef<OsStr>, &"flaw", &"-q"]);
+    assert!(run(&section).failed().contains("--cad"));
+    section.extend([&"--cad" as &dyn AsRef<OsStr>, &cad]);
+    run(&section).ok();
+    let flaws = std::fs::read(&picture).unwrap();
+    section[9] = &"pocket";
+    run(&section).ok();
+    assert_ne!(std::fs::read(&picture).unwrap(), flaws);
     // On a lattice of its own.
     run(&[&"build", &model, &"-o", &cad, &"--cell", &"0.31", &"-q"]).ok();
     let refused = run(&[&"voids", &part, &"-o", &out, &"--cad", &cad, &"-q"]).failed();
@@ -101,6 +114,43 @@ fn voids_that_the_cad_part_has_are_pockets() {
     let moved = written(dir.path("far.stl"), &[shapes::cuboid([5.0; 3], [40.0; 3])]);
     let refused = run(&[&"build", &moved, &"-o", &cad, &"--like", &part, &"-q", &"--restart"]).failed();
     assert!(refused.contains("--like"), "{refused}");
+}
+
+/// A block with a cavity as OBJ, moved.
+fn hollow_block(by: [f64; 3]) -> String {
+    let cavity = shapes::cuboid([-0.7, -0.5, -0.3], [0.7, 0.5, 0.3]).rotated([1.0, 2.0, 3.0], 0.7);
+    let pieces = [shapes::cuboid([0.0; 3], [8.0, 4.0, 2.0]), cavity.translated([3.1, 2.2, 1.1]).flipped()];
+    let mut text = String::new();
+    for [a, b, c] in pieces.iter().flat_map(Mesh::facets) {
+        for at in [a, b, c] {
+            let [x, y, z]: [f64; 3] = std::array::from_fn(|n| at[n] + by[n]);
+            text += &format!("v {x} {y} {z}\n");
+        }
+        text += "f -3 -2 -1\n";
+    }
+    text
+}
+
+#[test]
+fn voids_of_parts_far_from_the_origin_have_the_same_sizes() {
+    const FAR: [f64; 3] = [4_500_000.0, 5_350_000.0, 512.0];
+    let dir = Scratch::new();
+    let row = |name: &str, by: [f64; 3]| {
+        let (part, out) = (dir.path(&format!("{name}.brf")), dir.path(&format!("{name}.json")));
+        let mesh = dir.file(&format!("{name}.obj"), hollow_block(by));
+        run(&[&"build", &mesh, &"-o", &part, &"--cell", &"0.05", &"-q"]).ok();
+        run(&[&"voids", &part, &"-o", &out, &"-q"]).ok();
+        json(&out)["voids"][0].clone()
+    };
+    let (near, far) = (row("near", [0.0; 3]), row("far", FAR));
+    let number = |row: &serde_json::Value, name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name}"));
+    for name in ["volume", "surface", "sphericity", "elongation", "diameter", "area_x", "area_z"] {
+        let (near, far) = (number(&near, name), number(&far, name));
+        assert!((near - far).abs() < 2e-4 * near, "{name}: {near} {far}");
+    }
+    for (name, by) in ["x", "y", "z"].into_iter().zip(FAR) {
+        assert!((number(&near, name) + by - number(&far, name)).abs() < 1e-4, "{name}");
+    }
 }
 
 #[test]

@@ -95,6 +95,9 @@ pub struct FindingArgs {
     /// Of voids: leave out smaller ones, in the cube of the store's unit
     #[arg(long, value_name = "VOLUME", value_parser = not_negative)]
     pub min_volume: Option<f64>,
+    /// Of voids: the CAD part on the same lattice, which tells their classes, as in `voids`
+    #[arg(long, value_name = "CAD.brf")]
+    pub cad: Option<PathBuf>,
     /// Of thickness: what it is, as in `thickness` [default: sphere]
     #[arg(long = "method", value_enum)]
     pub measure: Option<MeasureArg>,
@@ -135,6 +138,7 @@ impl FindingArgs {
             (self.colour_by.is_some(), "--colour-by", Voids),
             (!self.classes.is_empty(), "--classes", Voids),
             (self.min_volume.is_some(), "--min-volume", Voids),
+            (self.cad.is_some(), "--cad", Voids),
             (self.measure.is_some(), "--method", Thickness),
             (self.separation.is_some(), "--separation", Thickness),
             (self.gaps, "--gaps", Thickness),

@@ -1,6 +1,7 @@
 //! What analyses find, made ready for pictures: searched once, then a colour for every point that is seen.
 
 use super::deviation::{Compared, OpenReference, open_reference, require_alike};
+use super::voids::open_cad;
 use super::{no_unit, open_store, require_whole_samples};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, MeasureArg};
@@ -109,17 +110,22 @@ fn voids(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Findings, Fail
     require_whole_samples(store, "what is enclosed cannot be told")?;
     let name = in_line(store.path());
     let has_identity = store.meta().beads.as_ref().is_some_and(|beads| beads.identity.is_some());
+    let cad = args.finding.cad.as_deref();
+    cad.iter().try_for_each(|cad| require_distinct(&[args.output], &[cad]))?;
+    let cad = cad.map(|cad| open_cad(cad, store, (args.memory / 8, args.io))).transpose()?;
+    let has_classes = has_identity || cad.is_some();
     let asks_classes = !args.finding.classes.is_empty() || args.finding.colour_by == Some(ColourByArg::Class);
-    if asks_classes && !has_identity {
+    if asks_classes && !has_classes {
         let what = "the store does not tell beads apart, so voids have no class";
-        return Err(anyhow!("{name}: {what}; build it from toolpaths with --identity").into());
+        return Err(anyhow!("{name}: {what}; build it from toolpaths with --identity, or give --cad").into());
     }
     let by = args.finding.colour_by;
-    let by = by.unwrap_or(if has_identity { ColourByArg::Class } else { ColourByArg::Size });
+    let by = by.unwrap_or(if has_classes { ColourByArg::Class } else { ColourByArg::Size });
     let needs_classes = by == ColourByArg::Class || !args.finding.classes.is_empty();
     let detail = if needs_classes { Detail::Classes } else { Detail::Volumes };
     let min_volume = args.finding.min_volume.unwrap_or(0.0);
-    let options = VoidOptions { memory: args.memory, detail, min_volume, ..VoidOptions::default() };
+    let cad = cad.as_ref();
+    let options = VoidOptions { memory: args.memory, detail, min_volume, cad, ..VoidOptions::default() };
     let found = find(store, &options, bars)?;
     if found.voids.is_empty() && !args.quiet {
         bars.clear();

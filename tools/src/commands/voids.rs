@@ -2,6 +2,7 @@
 
 use super::void_outputs::VoidOutputs;
 use super::{no_unit, open_inputs, open_store, require_whole_samples, start, unit_of};
+use crate::args::IoArg;
 use crate::failure::Failure;
 use crate::measured::measured;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
@@ -72,7 +73,9 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
             anyhow!("{}: {what}; build it from toolpaths with --identity", in_line(&args.store)).into()
         );
     }
-    let cad = args.cad.as_deref().map(|cad| open_cad(cad, &store, args)).transpose()?;
+    let cad =
+        args.cad.as_deref().map(|cad| open_cad(cad, &store, (args.memory.0 / 8, args.io))).transpose()?;
+    args.cad.iter().try_for_each(|cad| require_distinct(&[&args.output], &[cad]))?;
     let mut file = PartFile::create(&args.output)?;
     let most =
         args.max_equivalent_diameter.map(|most| most.in_unit_of(&store.meta().unit).ok_or_else(no_unit));
@@ -146,12 +149,11 @@ fn source(args: &VoidsArgs, store: &Store, bars: &Bars) -> Result<Option<Vec<Inp
 }
 
 /// The store of the CAD part, which must have the part's lattice.
-fn open_cad(path: &Path, store: &Store, args: &VoidsArgs) -> Result<Store, Failure> {
-    let cad = open_store(path, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
-    require_distinct(&[&args.output], &[path])?;
+pub(super) fn open_cad(path: &Path, store: &Store, (memory, io): (u64, IoArg)) -> Result<Store, Failure> {
+    let cad = open_store(path, memory, io, AcceptedStores::Whole)?;
     require_whole_samples(&cad, "what lies inside cannot be told")?;
     if cad.root() != store.root() || cad.meta().unit != store.meta().unit {
-        let (cad, part) = (in_line(path), in_line(&args.store));
+        let (cad, part) = (in_line(path), in_line(store.path()));
         let what = format!("its samples do not stand where those of {part} do");
         return Err(anyhow!("{cad}: {what}; build it with --like {part}").into());
     }

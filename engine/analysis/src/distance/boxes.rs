@@ -164,13 +164,13 @@ impl Boxes {
         for (n, block) in things.enumerate() {
             runs[n / per_run] = united(&runs[n / per_run], &block);
         }
-        let (mut nodes, mut levels) = (Vec::new(), Vec::new());
+        let (mut nodes, mut levels) = (Vec::with_capacity(nodes_over(runs.len())), Vec::new());
         while levels.is_empty() || runs.len() > 1 {
             levels.push(nodes.len());
             nodes.extend(runs.chunks(WIDE).map(lanes));
             runs = runs.chunks(WIDE).map(|blocks| blocks.iter().fold(EMPTY, |a, b| united(&a, b))).collect();
         }
-        debug_assert!(levels.len() <= MOST_LEVELS);
+        debug_assert!(levels.len() <= MOST_LEVELS && nodes.len() == nodes_over(count.div_ceil(per_run)));
         let whole = runs.first().copied().unwrap_or(EMPTY);
         Boxes { nodes, normals: Vec::new(), levels, per_run, things: count, whole }
     }
@@ -181,6 +181,7 @@ impl Boxes {
         for (n, block) in things.enumerate() {
             runs[n / self.per_run] = united(&runs[n / self.per_run], &block);
         }
+        self.normals.reserve_exact(self.nodes.len());
         for _ in 0..self.levels.len() {
             self.normals.extend(runs.chunks(WIDE).map(normals));
             runs = runs.chunks(WIDE).map(|blocks| blocks.iter().fold(EMPTY, |a, b| united(&a, b))).collect();
@@ -245,6 +246,16 @@ impl Boxes {
         }
         Ok(())
     }
+}
+
+/// How many nodes stand over so many runs.
+fn nodes_over(mut runs: usize) -> usize {
+    let mut nodes = 0;
+    while nodes == 0 || runs > 1 {
+        runs = runs.div_ceil(WIDE);
+        nodes += runs;
+    }
+    nodes
 }
 
 fn lanes(blocks: &[Block]) -> Lanes {

@@ -58,7 +58,7 @@ pub fn close(
     let field = ClosedField::of(store, &grown_store, &surface, radius)?;
     let meta = store.meta().remade("closed by", diameter);
     let mut writer = StoreWriter::create(output, &meta)?;
-    write_divided(&field, &mut writer, "closing", progress)?;
+    write_divided(&field, &mut writer, memory / 8, ("closing", progress))?;
     writer.finish(meta)
 }
 

@@ -172,9 +172,13 @@ impl Spill for Piece {
                 },
             })
         };
-        let patches: Option<Vec<Patch>> = patches.chunks_exact(PATCH_BYTES).map(patch).collect();
+        let mut read = Vec::with_capacity(count);
+        for bytes in patches.chunks_exact(PATCH_BYTES) {
+            read.push(patch(bytes)?);
+        }
+        let patches = read;
         let rings: Vec<[f32; 3]> = rings.chunks_exact(CORNER_BYTES).map(|bytes| three(bytes, 0)).collect();
-        let (patches, end) = (patches?, rings.len());
+        let end = rings.len();
         let is_within = |p: &Patch| p.first as usize + usize::from(p.count) <= end;
         if !patches.iter().all(is_within) {
             return None;

@@ -98,20 +98,27 @@ impl Question for PiecesIn {
     }
 }
 
-/// The nearest point.
+/// The nearest point: of points that are equally near, that of the patch that sees the place best. So in whatever order patches
+/// are looked at, and whatever is known before, it is the same point.
 pub(super) struct NearestQuery {
     from: [f64; 3],
     probe: Probe,
     /// The square of the least distance found, or allowed.
     within: f64,
-    pub best: Option<Foot>,
-    /// How well the best one sees the place: the cosine between its normal and the way to the place.
+    /// What is equally near.
+    near: Vec<NearFoot>,
+}
+
+struct NearFoot {
+    squared: f64,
+    /// How well the patch sees the place: the cosine between its normal and the way to the place.
     aligned: f64,
+    foot: Foot,
 }
 
 impl NearestQuery {
     pub fn new(from: [f64; 3], within: f64) -> NearestQuery {
-        NearestQuery { from, probe: Probe::default(), within: within * within, best: None, aligned: -1.0 }
+        NearestQuery { from, probe: Probe::default(), within: within * within, near: Vec::new() }
     }
 
     fn take(&mut self, touch: Touch, local: [f64; 3], base: [f64; 3], place: Place) {
@@ -119,14 +126,27 @@ impl NearestQuery {
         let distance = touch.squared.max(0.0).sqrt();
         let side = dot(away, touch.normal);
         let aligned = side.abs() / distance.max(f64::MIN_POSITIVE);
-        let is_nearer = self.best.is_none() || touch.squared < self.within * (1.0 - TIE);
-        if is_nearer || aligned > self.aligned {
-            let at = std::array::from_fn(|a| touch.at[a] + base[a]);
-            self.aligned = aligned;
-            let best = Foot { at, normal: touch.normal, distance, inside: side < 0.0, place };
-            self.best = Some(best);
+        if touch.squared < self.within {
+            self.within = touch.squared;
+            let most = self.most();
+            self.near.retain(|near| near.squared <= most);
         }
-        self.within = self.within.min(touch.squared);
+        let at = std::array::from_fn(|a| touch.at[a] + base[a]);
+        let foot = Foot { at, normal: touch.normal, distance, inside: side < 0.0, place };
+        self.near.push(NearFoot { squared: touch.squared, aligned, foot });
+    }
+
+    /// The square of the distance up to which points count.
+    fn most(&self) -> f64 {
+        self.within * (1.0 + TIE)
+    }
+
+    /// The nearest point, if there was one.
+    pub fn best(self) -> Option<Foot> {
+        let better = |a: &NearFoot, b: &NearFoot| {
+            a.aligned.total_cmp(&b.aligned).then(b.foot.place.cmp(&a.foot.place))
+        };
+        self.near.into_iter().max_by(better).map(|near| near.foot)
     }
 }
 
@@ -137,18 +157,17 @@ impl PatchQuestion for NearestQuery {
 
     #[inline]
     fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, limit(self.within * (1.0 + TIE)))
+        boxes.squared_from(&self.probe, limit(self.most()))
     }
 
     #[inline]
     fn counts(&self, nearness: f32) -> bool {
-        f64::from(nearness) <= self.within * (1.0 + TIE)
+        f64::from(nearness) <= self.most()
     }
 
     fn visit(&mut self, piece: &Piece, place: Place) {
         let local = minus(self.from, piece.base);
-        let within = self.within * (1.0 + TIE);
-        if let Some(touch) = piece.patch(place).nearest(&piece.rings, local, within) {
+        if let Some(touch) = piece.patch(place).nearest(&piece.rings, local, self.most()) {
             self.take(touch, local, piece.base, place);
         }
     }

@@ -12,9 +12,6 @@ use crate::progress::Progress;
 use crate::store::{BrickTree, MovedTree};
 use std::path::Path;
 
-/// Parts that lie farther from the origin, in edges of their root cube, are looked at from their middle.
-const FAR_EDGES: f64 = 64.0;
-
 /// How far below the surface the solid is asked whose it is, in cells.
 const INNER: f64 = 0.3;
 
@@ -51,6 +48,7 @@ pub struct Surface {
     pieces: Spilled<Piece>,
     boxes: Boxes,
     patches: u64,
+    memory: u64,
 }
 
 impl Surface {
@@ -62,7 +60,7 @@ impl Surface {
         let (root, deepest) = (tree.root(), tree.deepest_level());
         // Facets have coordinates of 32 bits: far from the origin they are those of a tree about its middle.
         let moved = MovedTree::new(tree, MovedTree::middle(tree));
-        let placed: &dyn BrickTree = if root.farthest() > FAR_EDGES * root.edge { &moved } else { tree };
+        let placed: &dyn BrickTree = if MovedTree::is_far(tree) { &moved } else { tree };
         let (mut keys, mut pieces, mut patches) = (Vec::new(), Spilled::new(memory, folder), 0);
         let (mut blocks, mut normals) = (Vec::new(), Vec::new());
         let caches = (memory / 2).clamp(16 << 20, 512 << 20);
@@ -86,7 +84,7 @@ impl Surface {
             },
         )?;
         let boxes = Boxes::new(blocks.into_iter(), 1).with_normals(normals.into_iter());
-        Ok(Surface { root, deepest, keys, pieces, boxes, patches })
+        Ok(Surface { root, deepest, keys, pieces, boxes, patches, memory })
     }
 
     /// The cube that the tree divides.
@@ -97,6 +95,11 @@ impl Surface {
     /// World length of a cell of the deepest level.
     pub fn cell(&self) -> f64 {
         self.root.spacing(self.deepest)
+    }
+
+    /// The bytes of memory that it was given.
+    pub(super) fn memory(&self) -> u64 {
+        self.memory
     }
 
     /// How many patches there are: one for each crossing.
@@ -172,7 +175,7 @@ impl Surface {
     /// # Errors
     /// What reading the file gives.
     pub fn closest(&self, from: [f64; 3], within: f64) -> Result<Option<Foot>> {
-        Ok(self.ask(NearestQuery::new(from, within))?.best)
+        Ok(self.ask(NearestQuery::new(from, within))?.best())
     }
 
     /// The normal of the surface around a foot, from all patches that are near: facets of the input turn it by less than the

@@ -153,6 +153,29 @@ fn distances_from_balls_tori_and_boxes() {
     }
 }
 
+/// Beside edges and corners several patches are equally near.
+#[test]
+fn the_nearest_point_is_the_same_whatever_is_known_before() {
+    let tree = tree(&boxed([9.0, 12.0, 7.0]));
+    let surface = surface(&tree);
+    let mut beside_edges = 0;
+    for point in points(500) {
+        let at = surface.to_cells(point);
+        let foot = surface.closest(at, f64::INFINITY).unwrap().unwrap();
+        let way: [f64; 3] = std::array::from_fn(|a| (at[a] - foot.at[a]) / foot.distance);
+        beside_edges += usize::from(dot(way, foot.normal).abs() < 0.99);
+        for within in [1.0 + 1e-12, 1.0 + 1e-6, 1.01, 2.0] {
+            let again = surface.closest(at, within * foot.distance).unwrap().unwrap();
+            assert_eq!(
+                (again.place, again.at, again.inside),
+                (foot.place, foot.at, foot.inside),
+                "{point:?}"
+            );
+        }
+    }
+    assert!(beside_edges > 50, "{beside_edges}");
+}
+
 /// Thickness at all crossings: the largest error, and what 99 of 100 are within, relative; with the largest in cells.
 fn thickness(shape: SignedDistance<'_>, options: Options, truth: impl Fn([f64; 3]) -> f64) -> (f64, f64) {
     let tree = tree(shape);

@@ -12,7 +12,7 @@ use crate::contour::{Bend, EdgeFacet, edge_facets};
 use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube, cross, dot, minus};
 use crate::progress::Progress;
-use crate::store::BrickTree;
+use crate::store::{BrickTree, MovedTree};
 use std::collections::BTreeMap;
 
 /// Directions in which the farthest vertices of a void are kept, to find the smallest ball around it.
@@ -98,6 +98,14 @@ impl VoidSurface {
         farthest.iter_mut().zip(directions).for_each(|(own, n)| keep_farthest(own, at, *n));
     }
 
+    /// Moves places by a vector, but for those that count from its centre.
+    fn moved(mut self, by: [f64; 3]) -> VoidSurface {
+        let place = |at: [f64; 3]| std::array::from_fn(|a| at[a] + by[a]);
+        self.bounds = self.bounds.map(place);
+        self.mesh.iter_mut().flatten().for_each(|at| *at = place(at.map(f64::from)).map(|c| c as f32));
+        self
+    }
+
     /// Longest over shortest extent, by the spread of the area along its principal axes.
     pub fn elongation(&self) -> Option<f64> {
         if self.area <= 0.0 {
@@ -138,6 +146,9 @@ pub(super) fn surfaces(
     (cache_bytes, meshes): (usize, bool),
     progress: &dyn Progress,
 ) -> Result<BTreeMap<usize, VoidSurface>> {
+    // Corners have coordinates of 32 bits.
+    let origin = if MovedTree::is_far(tree) { MovedTree::middle(tree) } else { [0.0; 3] };
+    let tree = &MovedTree::new(tree, origin);
     let root = tree.root();
     let directions = directions();
     let wanted = (0..labelling.components.len()).map(|component| centre(component).is_some()).collect();
@@ -162,7 +173,7 @@ pub(super) fn surfaces(
                     [a, c, b]
                 }));
             }
-            add_polygon(surface, polygon, crossing(root, key, edge), centre, &directions);
+            add_polygon(surface, polygon, crossing(root, key, edge), minus(centre, origin), &directions);
         }
         Ok(surfaces)
     };
@@ -173,7 +184,7 @@ pub(super) fn surfaces(
         }
         Ok(())
     })?;
-    Ok(all)
+    Ok(all.into_iter().map(|(component, surface)| (component, surface.moved(origin))).collect())
 }
 
 /// Where the surface crosses the edge of a facet, in the world.

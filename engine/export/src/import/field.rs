@@ -24,6 +24,8 @@ const FACE_TILE: usize = 32;
 
 /// Winding numbers are not larger, and masks of 8 bits are as large.
 const USUAL: f64 = 255.0;
+/// Bytes of bricks that wait to be written.
+const WAITING_BYTES: u64 = 64 << 20;
 
 /// What of a volume's values is solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,7 +86,7 @@ pub fn build_volume(
     }
     let meta = field.meta(input, unit, program)?;
     let mut writer = StoreWriter::create(output, &meta)?;
-    write_divided(&field, &mut writer, "reading samples", progress)?;
+    write_divided(&field, &mut writer, WAITING_BYTES, ("reading samples", progress))?;
     grid.file().check()?;
     progress.phase("finishing", None, "bytes");
     let stats = writer.finish(meta)?;

@@ -5,8 +5,9 @@ use crate::brick::Brick;
 use crate::error::Result;
 use crate::lattice::{NodeKey, Octant};
 use crate::progress::Progress;
-use crate::schedule::run_ordered;
+use crate::schedule::{MemoryReservation, RunLimits, TaskOutcome, run_tasks};
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A field that tells where it is one value, and its bricks where it is not.
 pub trait Divided: Sync {
@@ -27,37 +28,45 @@ pub trait Divided: Sync {
 }
 
 /// Writes all nodes of a field, subtree by subtree on all threads, and returns its root. The root is never a leaf, unless it is
-/// the deepest level. `phase` is what progress is called.
+/// the deepest level. Subtrees that are made, or wait for those before them, take no more than so many bytes of memory, and one
+/// at least. `phase` is what progress is called.
 ///
 /// # Errors
 /// What the field and the writer give; [`crate::error::Error::Interrupted`].
 pub fn write_divided(
     field: &dyn Divided,
     writer: &mut StoreWriter,
-    phase: &'static str,
-    progress: &dyn Progress,
+    memory: u64,
+    (phase, progress): (&'static str, &dyn Progress),
 ) -> Result<CoarseSamples> {
     let level = subtree_level(field.depth());
     let (mut jobs, mut above) = (Vec::new(), Vec::new());
     divide(field, NodeKey::ROOT, level, &mut jobs, &mut above)?;
     progress.phase(phase, Some(jobs.len() as u64), "subtrees");
     let mut tops: BTreeMap<NodeKey, CoarseSamples> = BTreeMap::new();
-    let window = 4 * rayon::current_num_threads();
-    let work = |(): &mut (), n: usize| {
+    let bounds = RunLimits { memory, reserve: 0, window: 4 * rayon::current_num_threads() };
+    // What a subtree will take is not known before: as much as the largest so far.
+    let largest = AtomicU64::new(0);
+    let work = |(): &mut (), key: NodeKey, mut held: MemoryReservation| {
         let mut records = Records::new(Some(Compression::Lz4));
-        let top = subtree(field, jobs[n], &mut records, progress)?;
-        Ok((jobs[n], top, records))
+        let top = subtree(field, key, &mut records, progress)?;
+        held.resize(records.heap_bytes());
+        largest.fetch_max(records.heap_bytes(), Ordering::Relaxed);
+        Ok(TaskOutcome::Done((key, top, records), held))
     };
-    run_ordered(
-        jobs.len(),
-        window,
+    let tasks = jobs.into_iter().enumerate().map(|(n, key)| ((n as u64, 0), key)).collect();
+    let need = |_: &NodeKey| largest.load(Ordering::Relaxed);
+    run_tasks(
+        tasks,
+        bounds,
         || (),
+        need,
         work,
         |(key, top, made): (NodeKey, CoarseSamples, Records)| {
             progress.advance(1);
             made.write(writer)?;
             tops.insert(key, top);
-            Ok(())
+            Ok(None)
         },
     )?;
     // Children stand before their parents.

@@ -6,6 +6,9 @@ use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube};
 use std::sync::Arc;
 
+/// Trees that lie farther from the origin, in edges of their root cube, are looked at from their middle.
+const FAR_EDGES: f64 = 64.0;
+
 /// A tree whose world has another origin: what has large coordinates is worked on near 0, where 32 bits tell more.
 pub struct MovedTree<'a> {
     tree: &'a dyn BrickTree,
@@ -33,6 +36,11 @@ impl<'a> MovedTree<'a> {
             parts *= 10.0;
         }
         MovedTree::middle(tree).map(|c| (c * parts / step).round() * step / parts)
+    }
+
+    /// Whether a tree lies so far from the origin that coordinates of 32 bits would show.
+    pub fn is_far(tree: &dyn BrickTree) -> bool {
+        tree.root().farthest() > FAR_EDGES * tree.root().edge
     }
 
     /// A good origin for it: the middle of the root cube.
