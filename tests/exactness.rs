@@ -16,6 +16,8 @@ mod files;
 mod hermite;
 #[path = "exactness/limits.rs"]
 mod limits;
+#[path = "exactness/mixed_bricks.rs"]
+mod mixed_bricks;
 #[path = "exactness/open.rs"]
 mod open;
 #[path = "exactness/open_bricks.rs"]

@@ -1,8 +1,8 @@
 //! The builder: inputs and settings in, an octree out.
 
 use crate::build::{
-    BuildOptions, Resolution, TreeInMemory, build_clouds, build_clouds_in_memory, build_inputs_in_memory,
-    build_opened,
+    BuildOptions, MixedInput, Resolution, TreeInMemory, build_clouds, build_clouds_in_memory,
+    build_inputs_in_memory, build_mixed, build_mixed_in_memory, build_opened,
 };
 use crate::ingest::{CloudInput, Input, PointCloud};
 use crate::octree::Octree;
@@ -151,8 +151,13 @@ impl<'p> Builder<'p> {
             OpenInputs::Meshes(inputs) => build_opened(&inputs, path, &options, progress)?,
             OpenInputs::Clouds(clouds) => {
                 options.identity = false;
-                let estimate = lack_normals(&clouds);
+                let estimate = lack_normals(clouds.iter());
                 build_clouds(clouds, estimate, path, &options, progress)?
+            }
+            OpenInputs::Mixed(inputs) => {
+                options.identity = false;
+                let estimate = lack_normals(clouds_of(&inputs));
+                build_mixed(inputs, estimate, path, &options, progress)?
             }
         };
         Octree::open(path)
@@ -167,8 +172,12 @@ impl<'p> Builder<'p> {
         let TreeInMemory { tree, bounds } = match inputs {
             OpenInputs::Meshes(inputs) => build_inputs_in_memory(&inputs, &options, progress)?,
             OpenInputs::Clouds(clouds) => {
-                let estimate = lack_normals(&clouds);
+                let estimate = lack_normals(clouds.iter());
                 build_clouds_in_memory(clouds, estimate, &options, progress)?
+            }
+            OpenInputs::Mixed(inputs) => {
+                let estimate = lack_normals(clouds_of(&inputs));
+                build_mixed_in_memory(inputs, estimate, &options, progress)?
             }
         };
         Ok(Octree::of_tree(tree, bounds, options.unit))
@@ -180,43 +189,62 @@ impl<'p> Builder<'p> {
         if sources.is_empty() {
             return Err(Error::setting("there is no input", "add a file, triangles or points"));
         }
-        let (mut meshes, mut clouds) = (Vec::new(), Vec::new());
-        for source in sources {
-            match source {
+        let open = |source: Source| {
+            Ok(match source {
                 Source::File(path) if CloudInput::is_one(&path)? => {
-                    clouds.push(CloudInput::open(&path, progress)?);
+                    MixedInput::Cloud(CloudInput::open(&path, progress)?)
                 }
-                Source::File(path) => meshes.push(Input::open(&path, progress)?),
+                Source::File(path) => MixedInput::Mesh(Input::open(&path, progress)?),
                 Source::Triangles(vertices, triangles) => {
-                    meshes.push(Input::of_triangles(ARRAYS, vertices, triangles)?);
+                    MixedInput::Mesh(Input::of_triangles(ARRAYS, vertices, triangles)?)
                 }
-                Source::Points(cloud) => clouds.push(CloudInput::of_points(ARRAYS, cloud)?),
-            }
-        }
-        if clouds.is_empty() {
+                Source::Points(cloud) => MixedInput::Cloud(CloudInput::of_points(ARRAYS, cloud)?),
+            })
+        };
+        let inputs = OpenInputs::of(sources.into_iter().map(open).collect::<Result<_>>()?);
+        if let OpenInputs::Meshes(meshes) = &inputs {
             let toolpaths = meshes.iter().filter(|input| input.beads().is_some()).count();
             if toolpaths == meshes.len() && solids && options.solids.is_none() {
                 options.solids = Some(Outline::Stadium);
             }
-            return Ok((OpenInputs::Meshes(meshes), options, progress));
-        }
-        if !meshes.is_empty() {
-            let what = "there are point clouds beside other inputs";
-            return Err(Error::setting(what, "build them separately"));
-        }
-        if !has_error {
+        } else if !has_error {
             options.gwn_error = CLOUD_ERROR;
         }
-        Ok((OpenInputs::Clouds(clouds), options, progress))
+        Ok((inputs, options, progress))
     }
 }
 
-/// Inputs of one kind.
+/// Inputs of one kind, or of both.
 enum OpenInputs {
     Meshes(Vec<Input>),
     Clouds(Vec<CloudInput>),
+    Mixed(Vec<MixedInput>),
 }
 
-fn lack_normals(clouds: &[CloudInput]) -> bool {
-    clouds.iter().any(|input| input.cloud.normals.is_empty())
+impl OpenInputs {
+    fn of(inputs: Vec<MixedInput>) -> OpenInputs {
+        let clouds = clouds_of(&inputs).count();
+        if clouds > 0 && clouds < inputs.len() {
+            return OpenInputs::Mixed(inputs);
+        }
+        let (mut meshes, mut clouds) = (Vec::new(), Vec::new());
+        for input in inputs {
+            match input {
+                MixedInput::Mesh(mesh) => meshes.push(mesh),
+                MixedInput::Cloud(cloud) => clouds.push(cloud),
+            }
+        }
+        if clouds.is_empty() { OpenInputs::Meshes(meshes) } else { OpenInputs::Clouds(clouds) }
+    }
+}
+
+fn clouds_of(inputs: &[MixedInput]) -> impl Iterator<Item = &CloudInput> {
+    inputs.iter().filter_map(|input| match input {
+        MixedInput::Mesh(_) => None,
+        MixedInput::Cloud(cloud) => Some(cloud),
+    })
+}
+
+fn lack_normals<'a>(mut clouds: impl Iterator<Item = &'a CloudInput>) -> bool {
+    clouds.any(|input| input.cloud.normals.is_empty())
 }

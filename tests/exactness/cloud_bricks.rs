@@ -13,7 +13,7 @@ use brickfield_engine::winding::{CloudField, Surfel, Surfels};
 use std::f64::consts::PI;
 
 /// Points scattered over a torus with radii of 10 and 4, and its normals.
-fn torus(count: usize, seed: u64) -> PointCloud {
+pub fn torus(count: usize, seed: u64) -> PointCloud {
     let mut cloud = PointCloud::default();
     (cloud.points, cloud.normals) = torus_points(seed).take(count).unzip();
     cloud
@@ -36,21 +36,26 @@ impl Scene {
     }
 
     fn w(&self, p: [i32; 3]) -> f64 {
-        let units = f64::from(1u32 << ROOT_BITS) / self.root.edge;
-        let snap = self.root.snapper();
-        let share = |s: &Surfel| {
-            let at = snap(s.position);
-            let r: [f64; 3] = std::array::from_fn(|a| f64::from(at[a] - p[a]));
-            let distance = r.iter().map(|c| c * c).sum::<f64>().sqrt();
-            let radius = s.radius * units;
-            let q = distance / radius;
-            // The share of the ball's density that is nearer to its middle.
-            let inner = if q < 1.0 { 2.5 * q.powi(3) - 1.5 * q.powi(5) } else { 1.0 };
-            let along: f64 = (0..3).map(|a| s.area[a] * units * units * r[a]).sum();
-            inner * along / (4.0 * PI * distance.powi(3))
-        };
-        self.surfels.all.iter().map(share).sum()
+        sum_at(&self.surfels, self.root, p)
     }
+}
+
+/// The sum over all points at a lattice position.
+pub fn sum_at(surfels: &Surfels, root: RootCube, p: [i32; 3]) -> f64 {
+    let units = f64::from(1u32 << ROOT_BITS) / root.edge;
+    let snap = root.snapper();
+    let share = |s: &Surfel| {
+        let at = snap(s.position);
+        let r: [f64; 3] = std::array::from_fn(|a| f64::from(at[a] - p[a]));
+        let distance = r.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let radius = s.radius * units;
+        let q = distance / radius;
+        // The share of the ball's density that is nearer to its middle.
+        let inner = if q < 1.0 { 2.5 * q.powi(3) - 1.5 * q.powi(5) } else { 1.0 };
+        let along: f64 = (0..3).map(|a| s.area[a] * units * units * r[a]).sum();
+        inner * along / (4.0 * PI * distance.powi(3))
+    };
+    surfels.all.iter().map(share).sum()
 }
 
 /// The largest error of random samples of random bricks.

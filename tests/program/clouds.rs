@@ -193,8 +193,14 @@ fn clouds_that_cannot_be_built_are_refused_in_one_line() {
     let cases: [(&[&dyn AsRef<OsStr>], &str); 9] = [
         (&[&bare], "b.ply: points: have no normals (no properties nx, ny and nz); add --estimate-normals"),
         (&[&oriented, &bare], "b.ply: points: has normals or lacks them"),
-        (&[&oriented, &model], "overlap_boxes.stl: points: is none, among point clouds"),
-        (&[&model, &oriented], "overlap_boxes.stl: points: is none, among point clouds"),
+        (
+            &[&model, &bare],
+            "b.ply: points: have no normals (no properties nx, ny and nz); add --estimate-normals",
+        ),
+        (
+            &[&model, &oriented, &"--max-depth", &"6"],
+            "not of point clouds beside them; leave --max-depth and --thin out",
+        ),
         (&[&one], "one.xyz: points: none of the 1 points has an area"),
         (&[&same, &"--estimate-normals"], "same.xyz: points: none of the 2 points has an area"),
         (&[&zero], "zero.xyz: points: none of the 3 points has an area"),
@@ -209,11 +215,89 @@ fn clouds_that_cannot_be_built_are_refused_in_one_line() {
         (&[&oriented as &dyn AsRef<OsStr>, &"--identity"][..], "--identity"),
         (&[&oriented, &"--beads", &"analytic"], "points are no beads"),
         (&[&model, &"--estimate-normals"], "is for point clouds"),
+        (
+            &[&model, &oriented, &"--boundary-error", &"0.1mm"],
+            "points have no facets to measure by; leave it out",
+        ),
+        (&[&model, &oriented, &"--beads", &"analytic"], "points are no beads"),
     ] {
         let text = refuse(extra).misused();
         assert!(text.contains(what), "{text}");
     }
     assert_eq!(dir.names(), ["b.ply", "nan.xyz", "o.ply", "one.xyz", "same.xyz", "zero.xyz"]);
+}
+
+/// A dome as a scan gives it, without its floor, over a box into which it reaches.
+fn dome_and_box(dir: &Scratch) -> (PathBuf, PathBuf) {
+    let count = 1500;
+    let line = |i: usize| {
+        let z = (i as f64 + 0.5) / count as f64;
+        let (sin, cos) = (i as f64 * 2.399963).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        format!("{} {} {} {} {} {z}\n", 6.0 * r * cos, 6.0 * r * sin, 6.0 * z, r * cos, r * sin)
+    };
+    let lines: String = (0..count).map(line).collect();
+    let solid = brickfield_bench_data::shapes::cuboid([-10.0, -10.0, -8.0], [10.0, 10.0, 2.0]);
+    let facets: Vec<Facet> = solid.facets().map(|t| t.map(|v| v.map(|c| c as f32))).collect();
+    (dir.file("dome.xyz", lines), dir.file("box.stl", binary_stl(facets.len() as u32, &facets)))
+}
+
+/// The winding numbers of a scan and of a mesh add up: one closed surface around both, the same for any threads.
+#[test]
+fn a_scan_and_a_mesh_become_one_surface() {
+    let dir = Scratch::new();
+    let (dome, solid) = dome_and_box(&dir);
+    let (report, store, mesh) = build(&dir, &[&dome, &solid], &["--depth", "2", "--threads", "1"]);
+    assert_eq!((report["points"].as_u64(), report["facets"].as_u64()), (Some(1500), Some(12)));
+    run(&[&"verify", &store]).ok();
+    let judged = mesh::check_file(&mesh).unwrap();
+    assert!(judged.is_closed_manifold() && judged.is_oriented() && judged.components == 1, "{judged}");
+    // The box, and the dome above it.
+    let truth = 20.0 * 20.0 * 10.0 + std::f64::consts::PI * 16.0 * (18.0 - 4.0) / 3.0;
+    assert!((judged.signed_volume / truth - 1.0).abs() < 0.01, "{} {truth}", judged.signed_volume);
+    run(&[&"mesh", &store, &"-o", &mesh, &"--check", &"--quiet"]).ok();
+    let first = std::fs::read(&store).unwrap();
+    for extra in [&["2"][..], &["3", "--memory", "200MiB"]] {
+        build(&dir, &[&dome, &solid], &[&["--depth", "2", "--threads"][..], extra].concat());
+        assert!(std::fs::read(&store).unwrap() == first, "{extra:?}");
+    }
+    // The other order changes the sources' order alone.
+    let text = run(&[&"info", &store]).ok();
+    assert!(text.contains("dome.xyz: XYZ points, 1500 points") && text.contains("12 facets"), "{text}");
+    assert!(text.contains("  pieces   1512 (0 without area)"), "{text}");
+    build(&dir, &[&solid, &dome], &["--depth", "2"]);
+    let turned = run(&[&"info", &store]).ok();
+    assert!(turned.find("box.stl:").unwrap() < turned.find("dome.xyz:").unwrap(), "{turned}");
+    // What the store holds is what points are told.
+    let asked = csv(&[[0.0, 0.0, 4.5], [0.0, 0.0, 0.0], [8.0, 0.0, 1.0], [8.0, 8.0, 5.0], [3.0, -3.0, 3.0]]);
+    let straight = |extra: &[&dyn AsRef<OsStr>]| {
+        let args: [&dyn AsRef<OsStr>; 5] = [&"winding", &solid, &dome, &"--points", &"-"];
+        w_of(&run_with(&[&args[..], extra].concat(), &asked).ok())
+    };
+    let (told, brute) = (straight(&[]), straight(&[&"--brute"]));
+    let stored = w_of(&run_with(&[&"sample", &store, &"--points", &"-"], &asked).ok());
+    for ((a, b), c) in told.iter().zip(&brute).zip(&stored) {
+        assert!((a - b).abs() <= 1e-3 && (b - c).abs() < 0.07, "{told:?} {brute:?} {stored:?}");
+    }
+    assert!(brute[1] > 1.3 && brute[0] > 0.6 && brute[3] < 0.2, "{brute:?}");
+}
+
+/// Several clouds beside an open mesh and a toolpath, which is swept.
+#[test]
+fn a_scan_closes_an_open_mesh_and_beads_are_swept_beside_it() {
+    let dir = Scratch::new();
+    let (dome, solid) = dome_and_box(&dir);
+    let facets: Vec<Facet> = facets_of(&solid).into_iter().skip(2).collect();
+    let open = dir.file("open.stl", binary_stl(facets.len() as u32, &facets));
+    let (report, store, mesh) = build(&dir, &[&open, &dome], &["--depth", "1"]);
+    assert!(report["open_edges"].as_u64().unwrap() > 0, "{report}");
+    assert!(mesh::check_file(&mesh).unwrap().is_closed_manifold());
+    run(&[&"verify", &store]).ok();
+    let beads = dir.file("b.gcode", "M83\n;WIDTH:2\n;HEIGHT:2\nG1 X-12 Y12 Z2 F600\nG1 X12 E1\n");
+    let out = dir.path("b.brf");
+    let told = run(&[&"build", &dome, &beads, &"-o", &out, &"--depth", &"1", &"-q"]);
+    assert!(told.status == Some(0), "{}", told.stderr);
+    assert!(told.stderr.contains("swept to triangles: there are point clouds"), "{}", told.stderr);
 }
 
 #[test]

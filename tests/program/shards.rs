@@ -135,6 +135,11 @@ fn clouds_are_joined_to_the_bytes_of_one_build() {
     let dir = Scratch::new();
     let cloud = dir.file("cloud.xyz", points);
     joined_is_whole(&[cloud.to_str().unwrap()], &["--depth", "2"], &[1, 3]);
+    joined_is_whole(
+        &[cloud.to_str().unwrap(), &example("stl/overlap_boxes.stl")],
+        &["--depth", "2", "--gwn-error", "0.3"],
+        &[3],
+    );
 }
 
 /// The plan of an input.

@@ -82,7 +82,7 @@ Point clouds are PLY without faces, PCD, LAS, LAZ (also COPC), E57, or text with
 text have names, or are understood by their numbers. E57 is read in mm; LAS says no unit, so give --unit.
 
 Clouds need normals, or --estimate-normals. Every point counts as a dipole with the area that its nearest neighbours leave \
-it, spread over a small ball.
+it, spread over a small ball. Beside meshes their winding numbers add up.
 
 Without --depth and --cell the cells are about half as large as the points are apart.
 
@@ -417,7 +417,7 @@ angles are then taken off again, with an error of at most --gwn-error. Facets an
 lattice that `build` uses.
 
 A point cloud is PLY without faces, or text with a point a line. It needs normals, or --estimate-normals. Every point counts \
-as a dipole with the area that its nearest neighbours leave it, spread over a small ball.
+as a dipole with the area that its nearest neighbours leave it, spread over a small ball. Beside meshes both are added up.
 
 Examples:
   brickfield winding part.stl --points points.csv

@@ -1,39 +1,60 @@
 //! Point clouds among what was typed.
 
 use crate::failure::Failure;
-use crate::output::{require_distinct, warn};
-use brickfield_engine::ingest::CloudInput;
+use crate::output::warn;
+use brickfield_engine::build::MixedInput;
+use brickfield_engine::ingest::{CloudInput, Input};
 use brickfield_engine::{Error, Progress};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Opens all inputs if they are point clouds, having checked that none of them would be overwritten; `None` if none is.
+/// Inputs by their kind, each in the order in which they were typed.
+pub struct TypedInputs {
+    /// Point clouds.
+    pub clouds: Vec<PathBuf>,
+    /// All others.
+    pub others: Vec<PathBuf>,
+    are_clouds: Vec<bool>,
+}
+
+impl TypedInputs {
+    /// Looks what the files are.
+    ///
+    /// # Errors
+    /// If one is missing; as wrong usage if there is no cloud and normals are to be estimated.
+    pub fn of(paths: &[PathBuf], estimate_normals: bool) -> Result<TypedInputs, Failure> {
+        let are_clouds: Vec<bool> =
+            paths.iter().map(|path| CloudInput::is_one(path)).collect::<Result<_, Error>>()?;
+        if estimate_normals && !are_clouds.contains(&true) {
+            let name = paths[0].display();
+            return Err(Failure::Usage(format!("--estimate-normals is for point clouds; {name} is none")));
+        }
+        let of_kind = |is_cloud: bool| -> Vec<PathBuf> {
+            let alike = paths.iter().zip(&are_clouds).filter(|(_, kind)| **kind == is_cloud);
+            alike.map(|(path, _)| path.clone()).collect()
+        };
+        Ok(TypedInputs { clouds: of_kind(true), others: of_kind(false), are_clouds })
+    }
+
+    /// All, once they are open, in the order in which they were typed.
+    pub fn mixed(&self, clouds: Vec<CloudInput>, others: Vec<Input>) -> Vec<MixedInput> {
+        let (mut clouds, mut others) = (clouds.into_iter(), others.into_iter());
+        let next = |is_cloud: &bool| match is_cloud {
+            true => clouds.next().map(MixedInput::Cloud),
+            false => others.next().map(MixedInput::Mesh),
+        };
+        self.are_clouds.iter().filter_map(next).collect()
+    }
+}
+
+/// Opens point clouds, and says what the user should know of them.
 ///
 /// # Errors
-/// If some are and others are not; as wrong usage if there are none and normals are to be estimated.
-pub fn open_clouds(
-    paths: &[PathBuf],
-    outputs: &[&Path],
-    estimate_normals: bool,
-    progress: &dyn Progress,
-) -> Result<Option<Vec<CloudInput>>, Failure> {
-    let are_clouds: Vec<bool> =
-        paths.iter().map(|path| CloudInput::is_one(path)).collect::<Result<_, Error>>()?;
-    if !are_clouds.contains(&true) {
-        let name = paths[0].display();
-        let wrong = format!("--estimate-normals is for point clouds; {name} is none");
-        return if estimate_normals { Err(Failure::Usage(wrong)) } else { Ok(None) };
-    }
-    if let Some(other) = are_clouds.iter().position(|is_cloud| !is_cloud) {
-        let (what, remedy) =
-            ("is none, among point clouds", "give point clouds apart from meshes and toolpaths");
-        return Err(Error::input(&paths[other], "points", what, remedy).into());
-    }
-    let names: Vec<&Path> = paths.iter().map(PathBuf::as_path).collect();
-    require_distinct(outputs, &names)?;
+/// If one cannot be read.
+pub fn open_clouds(paths: &[PathBuf], progress: &dyn Progress) -> Result<Vec<CloudInput>, Failure> {
     let opened: Vec<CloudInput> =
         paths.iter().map(|path| CloudInput::open(path, progress)).collect::<Result<_, Error>>()?;
     for input in &opened {
         input.warnings().iter().for_each(|told| warn(&format!("{}: {told}", input.path().display())));
     }
-    Ok(Some(opened))
+    Ok(opened)
 }

@@ -101,11 +101,26 @@ pub fn require_room(inputs: &[Input], options: &BuildOptions, budget: Option<Siz
     left_of(budget, parsed, need, &of_what, "build parts of the input separately")
 }
 
-/// As [`require_room`], of point clouds.
-pub fn require_room_for_points(clouds: &[CloudInput], budget: Option<Size>) -> Result<u64, Failure> {
+/// As [`require_room`], of point clouds and of the meshes beside them.
+pub fn require_room_for_points(
+    clouds: &[CloudInput],
+    inputs: &[Input],
+    budget: Option<Size>,
+) -> Result<u64, Failure> {
     let points: u64 = clouds.iter().map(|input| input.cloud.points.len() as u64).sum();
-    let need = points * BYTES_A_POINT + FAR_FIELD_BYTES + BYTES_TO_WORK_WITH;
-    left_of(budget, 0, need, &format!("{points} points"), "give fewer points")
+    let facets: u64 = inputs.iter().map(Input::facets).sum();
+    let parsed = inputs.iter().map(Input::heap_bytes).sum();
+    let need = points * BYTES_A_POINT + facets * BYTES_A_FACET_DECIDED + FAR_FIELD_BYTES + BYTES_TO_WORK_WITH;
+    match facets {
+        0 => left_of(budget, parsed, need, &format!("{points} points"), "give fewer points"),
+        _ => left_of(
+            budget,
+            parsed,
+            need,
+            &format!("{points} points and {facets} facets"),
+            "build meshes and clouds apart",
+        ),
+    }
 }
 
 /// What is left of `budget` beside the program, its threads and `parsed` bytes; fails if `of_what` needs more.

@@ -6,7 +6,7 @@ use super::{build_plan, build_volume};
 use super::{features_of, open_inputs, open_store, start};
 use crate::args::{BeadsArg, BuildArgs, CountArg, IoArg, OriginArg, RefineArg};
 use crate::cache_args::CompressionArg;
-use crate::clouds::open_clouds;
+use crate::clouds::{TypedInputs, open_clouds};
 use crate::devices::{BackendArgs, ComputeDevice, DeviceCheckArg, choose};
 use crate::failure::Failure;
 use crate::kinds::{require_inputs, require_store_name};
@@ -19,8 +19,8 @@ use crate::toolpaths::{ToolpathArgs, ToolpathReport, solids};
 use crate::units::{GwnError, Size, Unit};
 use crate::work::WorkArgs;
 use brickfield_engine::build::{
-    BuildOptions, BuildSummary, CommitOptions, Resolution, Resources, ThinDepth, build_clouds, build_opened,
-    build_planned,
+    BuildOptions, BuildSummary, CommitOptions, Resolution, Resources, ThinDepth, build_clouds, build_mixed,
+    build_opened, build_planned,
 };
 use brickfield_engine::contour::{ContourOptions, MeshSink};
 use brickfield_engine::ingest::{CloudInput, Input, OpenOptions};
@@ -192,29 +192,26 @@ fn like_store(path: &Path) -> Result<Resolution, Failure> {
     Ok(Resolution::Like(store.root(), store.meta().depth))
 }
 
-/// Beads are in mm, whatever the program's unit: so are the store and the sizes of its cells.
-pub(super) fn settle_unit(request: &mut BuildRequest, inputs: &[Input]) -> Result<(), Failure> {
+/// Beads are in mm, whatever the program's unit: so are the store and the sizes of its cells. E57 counts in metres and is read
+/// in mm, as every input that says its unit.
+pub(super) fn settle_unit(
+    request: &mut BuildRequest,
+    inputs: &[Input],
+    clouds: &[CloudInput],
+) -> Result<(), Failure> {
     let toolpaths = inputs.iter().filter(|input| input.beads().is_some()).count();
-    if toolpaths == 0 || request.units == Unit::Mm {
-        return Ok(());
-    }
-    if toolpaths < inputs.len() {
-        let what =
-            "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out";
-        return Err(Failure::Usage(format!("--unit {}: {what}", request.units)));
-    }
-    count_in_mm(request);
-    Ok(())
-}
-
-/// E57 counts in metres and is read in mm, as every input that says its unit.
-fn settle_unit_of_clouds(request: &mut BuildRequest, clouds: &[CloudInput]) -> Result<(), Failure> {
-    let in_mm = clouds.iter().filter(|cloud| cloud.is_in_millimetres()).count();
+    let in_mm = toolpaths + clouds.iter().filter(|cloud| cloud.is_in_millimetres()).count();
     if in_mm == 0 || request.units == Unit::Mm {
         return Ok(());
     }
-    if in_mm < clouds.len() {
-        let what = "E57 is read in mm, from its metres: give the other clouds in mm, and leave it out";
+    if in_mm < inputs.len() + clouds.len() {
+        let what = match (inputs.is_empty(), clouds.is_empty()) {
+            (_, true) => {
+                "there are meshes and toolpaths, which are read in mm: give meshes in mm, and leave it out"
+            }
+            (true, _) => "E57 is read in mm, from its metres: give the other clouds in mm, and leave it out",
+            _ => "toolpaths and E57 are read in mm: give the other inputs in mm, and leave it out",
+        };
         return Err(Failure::Usage(format!("--unit {}: {what}", request.units)));
     }
     count_in_mm(request);
@@ -250,39 +247,32 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let bars = start(request.work)?;
     let outputs: Vec<&Path> =
         [Some(&request.output), request.mesh.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
-    let clouds = open_clouds(&request.inputs, &outputs, request.estimate_normals, &bars)?;
-    if clouds.is_some() && request.gwn_error.is_none() {
+    let typed = TypedInputs::of(&request.inputs, request.estimate_normals)?;
+    let names: Vec<&Path> = request.inputs.iter().map(PathBuf::as_path).collect();
+    require_distinct(&outputs, &names)?;
+    let clouds = open_clouds(&typed.clouds, &bars)?;
+    if !clouds.is_empty() && request.gwn_error.is_none() {
         request.options.gwn_error = CLOUD_ERROR;
     }
-    let columns = clouds.as_deref().unwrap_or_default().iter().map(CloudText::of).collect();
-    let inputs = match &clouds {
-        None => open_inputs(&request.inputs, &outputs, &request.open, &bars)?,
-        Some(_) => Vec::new(),
-    };
+    let columns = clouds.iter().map(CloudText::of).collect();
+    let inputs = open_inputs(&typed.others, &outputs, &request.open, &bars)?;
     request.toolpath.require_features(features_of(&inputs))?;
     let toolpaths = ToolpathReport::of_inputs(&inputs);
-    settle_unit(&mut request, &inputs)?;
-    settle_unit_of_clouds(&mut request, clouds.as_deref().unwrap_or_default())?;
-    choose_solids(&mut request, &inputs, clouds.is_some())?;
-    let chosen = request.choose_device(clouds.is_some())?;
+    settle_unit(&mut request, &inputs, &clouds)?;
+    choose_solids(&mut request, &inputs, !clouds.is_empty())?;
+    let chosen = request.choose_device(!clouds.is_empty())?;
     let open_seconds = started.elapsed().as_secs_f64();
     let budget = memory::budget(request.memory);
-    request.take_memory(match &clouds {
-        None => memory::require_room(&inputs, &request.options, budget)?,
-        Some(clouds) => memory::require_room_for_points(clouds, budget)?,
+    request.take_memory(match clouds.is_empty() {
+        true => memory::require_room(&inputs, &request.options, budget)?,
+        false => memory::require_room_for_points(&clouds, &inputs, budget)?,
     });
     // Made before the long work, so that a name that cannot be written costs no time.
     if let Some(mesh) = &request.mesh {
         tell_left_behind(mesh, request.work.quiet);
     }
     let sink = request.mesh.as_deref().map(|path| mesh_sink(path, Some(request.units), false)).transpose()?;
-    let mut summary = match clouds {
-        None => build_opened(&inputs, &request.output, &request.options, &bars)?,
-        Some(clouds) => {
-            build_clouds(clouds, request.estimate_normals, &request.output, &request.options, &bars)?
-        }
-    };
-    drop::<Vec<Input>>(inputs);
+    let mut summary = build_any(&request, &typed, (inputs, clouds), &bars)?;
     summary.phases.insert(0, ("open", open_seconds));
     let store = Store::open_any(&request.output, request.cache_bytes())?;
     let mesh = mesh_of(&request, &store, sink, &mut summary, &bars)?;
@@ -292,6 +282,21 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     report.clouds = columns;
     report.toolpaths = (!toolpaths.is_empty()).then_some(toolpaths);
     tell(&request, &report)
+}
+
+/// Builds the store of inputs of one kind, or of meshes and clouds together.
+fn build_any(
+    request: &BuildRequest,
+    typed: &TypedInputs,
+    (inputs, clouds): (Vec<Input>, Vec<CloudInput>),
+    bars: &Bars,
+) -> Result<BuildSummary, Failure> {
+    let BuildRequest { output, options, estimate_normals: estimate, .. } = request;
+    Ok(match (inputs.is_empty(), clouds.is_empty()) {
+        (_, true) => build_opened(&inputs, output, options, bars)?,
+        (true, false) => build_clouds(clouds, *estimate, output, options, bars)?,
+        (false, false) => build_mixed(typed.mixed(clouds, inputs), *estimate, output, options, bars)?,
+    })
 }
 
 /// Builds a shard from a plan.
@@ -355,7 +360,10 @@ pub(super) fn choose_solids(
         (true, Some(BeadsArg::Analytic)) => {
             return Err(Failure::Usage("--beads-as analytic: points are no beads; leave it out".to_owned()));
         }
-        (true, _) => (None, None),
+        (true, beads) => {
+            let is_swept = inputs.iter().any(|input| input.beads().is_some()) && beads.is_none();
+            (None, is_swept.then_some("there are point clouds among the inputs"))
+        }
     };
     request.options.solids = solids;
     if request.options.tolerance > 0.0 {
@@ -371,7 +379,7 @@ pub(super) fn choose_solids(
         }
     }
     let why = match (are_clouds, solids) {
-        (true, _) => Some("points have no facets to turn"),
+        (true, _) if inputs.is_empty() => Some("points have no facets to turn"),
         (_, Some(_)) => Some("beads as solids have no facets to turn"),
         _ => None,
     };
@@ -400,7 +408,7 @@ fn why_cpu(request: &BuildRequest, chosen: &ComputeDevice, summary: &BuildSummar
     if summary.device.is_some() {
         return None;
     }
-    Some(not_for_devices(&request.options, summary.input.is_cloud()).to_owned())
+    Some(not_for_devices(&request.options, summary.input.has_points()).to_owned())
 }
 
 /// Why no device evaluates the bricks, unless one is asked for.

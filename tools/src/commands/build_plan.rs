@@ -64,7 +64,7 @@ pub(super) fn run(mut request: BuildRequest) -> Result<(), Failure> {
     let bars = start(request.work)?;
     let inputs = open_inputs(&request.inputs, &[&request.output], &request.open, &bars)?;
     request.toolpath.require_features(features_of(&inputs))?;
-    settle_unit(&mut request, &inputs)?;
+    settle_unit(&mut request, &inputs, &[])?;
     choose_solids(&mut request, &inputs, false)?;
     if request.options.solids.is_some() {
         let what =

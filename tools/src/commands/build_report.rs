@@ -37,7 +37,7 @@ pub(super) struct BuildReport {
     #[serde(skip)]
     device_warning: Option<String>,
     seconds: f64,
-    /// Of beads as solids, their segments; of point clouds, their points.
+    /// Of beads as solids, their segments; of point clouds, their points; of meshes and clouds, both.
     facets_per_second: f64,
     #[serde(skip)]
     count: Count,
@@ -162,12 +162,11 @@ impl BuildReport {
     /// What the input is counted in, and how many there are.
     fn counted(&self) -> (&'static str, String) {
         match &self.summary.input {
-            InputSummary::Points(PointsSummary { points, void_points, spacing }) => {
-                ("points", format!("{points} ({void_points} without area), {spacing:.6} {} apart", self.unit))
-            }
-            InputSummary::Facets(FacetsSummary { facets, degenerate_facets, skipped_faces, .. }) => (
-                "facets",
-                format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)"),
+            InputSummary::Points(read) => ("points", points_text(read, &self.unit)),
+            InputSummary::Facets(read) => ("facets", facets_text(read)),
+            InputSummary::Mixed(facets, points) => (
+                "pieces",
+                format!("facets {}; points {}", facets_text(facets), points_text(points, &self.unit)),
             ),
             InputSummary::Beads(BeadsSummary { segments }) => {
                 ("segments", format!("{segments} of beads as solids, w counts {}", self.count))
@@ -344,6 +343,16 @@ fn samples_of_leaves(store: &Store) -> u64 {
     evaluated as u64 * POINTS as u64
 }
 
+fn facets_text(read: &FacetsSummary) -> String {
+    let FacetsSummary { facets, degenerate_facets, skipped_faces, .. } = read;
+    format!("{facets} ({degenerate_facets} without area, {skipped_faces} faces left out)")
+}
+
+fn points_text(read: &PointsSummary, unit: &str) -> String {
+    let PointsSummary { points, void_points, spacing } = read;
+    format!("{points} ({void_points} without area), {spacing:.6} {unit} apart")
+}
+
 /// Lines about a surface of facets.
 fn surface_lines(read: &FacetsSummary) -> Vec<String> {
     let FacetsSummary { open_edges, loops, flipped_patches, pieces, turned_sweeps, .. } = read;
@@ -372,7 +381,7 @@ fn warnings((min, max): (i16, i16), plan: &BuildRequest, summary: &BuildSummary)
         _ => None,
     };
     let facets = summary.input.facets();
-    let is_open = summary.input.is_cloud() || facets.is_some_and(|read| read.open_edges > 0);
+    let is_open = summary.input.has_points() || facets.is_some_and(|read| read.open_edges > 0);
     let negative = match facets.and_then(|read| read.inside_out.as_ref()) {
         Some(found) => {
             let input = plan.inputs[found.source].display().to_string();

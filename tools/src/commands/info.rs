@@ -213,10 +213,12 @@ fn as_text(store: &Store, volumes: Option<Volumes>) -> String {
 /// The sources, and how many pieces they have.
 fn pieces_lines(store: &Store) -> Vec<String> {
     let meta = store.meta();
-    let kind = if meta.holds_points() { "points" } else { "facets" };
+    let counted = meta.counted();
     let mut lines = Vec::new();
     let mut line = |line: String| lines.push(line);
-    for Source { path, bytes, facets, format, blake3 } in &meta.sources {
+    for source in &meta.sources {
+        let Source { path, bytes, facets, format, blake3 } = source;
+        let kind = if source.is_cloud() { "points" } else { "facets" };
         let hash = &hex(blake3)[..16];
         let pieces = if meta.beads.is_some() { String::new() } else { format!("{facets} {kind}, ") };
         let path = one_line(path);
@@ -226,7 +228,7 @@ fn pieces_lines(store: &Store) -> Vec<String> {
     match &meta.beads {
         // Counted in the end.
         _ if store.is_unfinished() => {}
-        None => line(format!("  {kind}   {} ({degenerate} without area)", meta.numbers.facets)),
+        None => line(format!("  {counted}   {} ({degenerate} without area)", meta.numbers.facets)),
         Some(BeadsMeta { section, beads, segments, identity, passes }) => {
             let identity = match identity {
                 Some(_) => format!("told apart, {}", Size(identity_bytes(store))),

@@ -37,8 +37,7 @@ impl Plan {
 /// Runs the command.
 pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     let bars = start(WorkArgs { threads: args.threads, quiet: args.json, progress: ProgressArg::Auto })?;
-    let opened = open_clouds(&[file.to_owned()], &[], false, &bars)?;
-    let Some(cloud) = opened.and_then(|mut clouds| clouds.pop()) else { return Ok(()) };
+    let Some(cloud) = open_clouds(&[file.to_owned()], &bars)?.pop() else { return Ok(()) };
     bars.phase("measuring", Some(cloud.cloud.points.len() as u64), "points");
     let distance = median_distance(&cloud.cloud.points);
     let (format, bytes, points) = (cloud.describe(), cloud.bytes(), cloud.cloud.points.len());

@@ -1,8 +1,8 @@
 //! `brickfield winding`: w at points, straight from meshes, closed or open, toolpaths and point clouds.
 
 use super::{features_of, open_inputs, start};
-use crate::args::WindingArgs;
-use crate::clouds::open_clouds;
+use crate::args::{BeadsArg, WindingArgs};
+use crate::clouds::{TypedInputs, open_clouds};
 use crate::devices::BackendArg;
 use crate::devices::choose;
 use crate::failure::Failure;
@@ -19,7 +19,7 @@ use brickfield_engine::backend::{self, Vulkan};
 use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed, surfels};
 use brickfield_engine::ingest::{CloudInput, Facets, Input, bounds_of_all};
 use brickfield_engine::lattice::RootCube;
-use brickfield_engine::pieces::{FlippedSource, study};
+use brickfield_engine::pieces::{FlippedFacets, FlippedSource, study};
 use brickfield_engine::solid::{Outline, Solids, beads_at, brute_beads_at};
 use brickfield_engine::winding::{CloudField, OpenPart, brute_at, open_winding_at, winding_at};
 use std::fmt::Display;
@@ -33,14 +33,21 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     }
     require_inputs(&args.inputs, "sample PART.brf --points P.csv")?;
     let bars = start(args.work)?;
-    if let Some(clouds) = open_clouds(&args.inputs, &[], args.estimate_normals, &bars)? {
-        refuse_orient(args, "points have")?;
+    let typed = TypedInputs::of(&args.inputs, args.estimate_normals)?;
+    let clouds = open_clouds(&typed.clouds, &bars)?;
+    if !clouds.is_empty() {
         refuse_count(args, "it needs toolpaths as solids")?;
+    }
+    if !clouds.is_empty() && typed.others.is_empty() {
+        refuse_orient(args, "points have")?;
         return of_clouds(args, clouds, &bars);
     }
     let open = args.toolpath.options(args.unit)?;
-    let inputs = open_inputs(&args.inputs, &[], &open, &bars)?;
+    let inputs = open_inputs(&typed.others, &[], &open, &bars)?;
     args.toolpath.require_features(features_of(&inputs))?;
+    if !clouds.is_empty() {
+        return of_mixed(args, &inputs, clouds, &bars);
+    }
     let points = PointReader::open(&args.points)?.all()?;
     let (outline, note) = solids(args.beads_as, &open.sweep.shape, &inputs)?;
     if outline.is_none() {
@@ -102,15 +109,7 @@ fn of_triangles(
 ) -> Result<(), Failure> {
     let root = root_around(inputs[0].path(), bounds_of_all(inputs, bars)?)?;
     let given: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
-    let turned = match args.orient {
-        Some(orient) => {
-            let memory = memory::budget(None).map_or(u64::MAX, |size| size.0);
-            let (report, turned) = study(&given, root, orient.into(), memory, bars)?;
-            left_text(&report, orient).iter().for_each(|line| warn(line));
-            Some(turned)
-        }
-        None => None,
-    };
+    let turned = turned(args, &given, root, bars)?;
     let oriented = turned.as_ref().map(|turned| turned.apply(&given));
     let sources = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
     let total = Some(inputs.iter().map(Input::facets).sum());
@@ -131,6 +130,59 @@ fn of_triangles(
         let values = open_winding_at(&sources, root, &open, points, args.gwn_error.0, bars)?;
         write_of(args, bars, inputs, points, &values)
     }
+}
+
+/// What --orient turns over, if it was asked for.
+fn turned(
+    args: &WindingArgs,
+    given: &[&dyn Facets],
+    root: RootCube,
+    bars: &Bars,
+) -> Result<Option<FlippedFacets>, Failure> {
+    let Some(orient) = args.orient else { return Ok(None) };
+    let memory = memory::budget(None).map_or(u64::MAX, |size| size.0);
+    let (report, turned) = study(given, root, orient.into(), memory, bars)?;
+    left_text(&report, orient).iter().for_each(|line| warn(line));
+    Ok(Some(turned))
+}
+
+/// Of meshes and clouds together: both parts are added up, and share the error where both have one.
+fn of_mixed(
+    args: &WindingArgs,
+    inputs: &[Input],
+    clouds: Vec<CloudInput>,
+    bars: &Bars,
+) -> Result<(), Failure> {
+    if args.beads_as == Some(BeadsArg::Analytic) {
+        let what = "beads beside point clouds are swept to triangles; leave it out";
+        return Err(Failure::Usage(format!("--beads-as analytic: {what}")));
+    }
+    let points = PointReader::open(&args.points)?.all()?;
+    let surfels = surfels(clouds, args.estimate_normals, bars)?;
+    let (of_meshes, of_points) = (bounds_of_all(inputs, bars)?, surfels.bounds());
+    let low = std::array::from_fn(|a| f64::min(of_meshes.0[a], of_points.0[a]));
+    let high = std::array::from_fn(|a| f64::max(of_meshes.1[a], of_points.1[a]));
+    let root = root_around(&args.inputs[0], (low, high))?;
+    let field = CloudField::new(&surfels, root);
+    let given: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
+    let turned = turned(args, &given, root, bars)?;
+    let oriented = turned.as_ref().map(|turned| turned.apply(&given));
+    let sources = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
+    let error = args.gwn_error.0;
+    let (of_meshes, of_clouds) = if args.brute {
+        (brute_at(&sources, root, &points, bars)?, field.brute_at(root, &points))
+    } else if is_closed(&sources, root, bars)? {
+        let counts = winding_at(&sources, root, &points, bars)?;
+        let counts = counts.into_iter().map(|count| count as f64).collect();
+        (counts, field.winding_at(root, &points, error, bars)?)
+    } else {
+        let open = OpenPart::of(&sources, root, bars)?;
+        let half = 0.5 * error;
+        let of_meshes = open_winding_at(&sources, root, &open, &points, half, bars)?;
+        (of_meshes, field.winding_at(root, &points, half, bars)?)
+    };
+    let values: Vec<f64> = of_meshes.iter().zip(of_clouds).map(|(a, b)| a + b).collect();
+    write_of(args, bars, inputs, &points, &values)
 }
 
 /// The device for --brute: only one that is asked for, because it computes in single precision.

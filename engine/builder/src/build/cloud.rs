@@ -197,9 +197,14 @@ pub(super) fn place_cloud(
         return place(first, min, max, resolution);
     }
     let (root, _) = place(first, min, max, Resolution::Depth(0))?;
+    Ok((root, depth_of_spacing(root, surfels.spacing)))
+}
+
+/// The depth whose cells are nearest to half a spacing.
+pub(super) fn depth_of_spacing(root: RootCube, spacing: f64) -> u8 {
     // Nearest as a ratio: a cell of twice the next level's is as far off as one of that.
-    let is_fine = |level: &u8| 2.0 * root.spacing(*level) <= std::f64::consts::SQRT_2 * surfels.spacing;
-    Ok((root, (0..MAX_LEVEL).find(is_fine).unwrap_or(MAX_LEVEL)))
+    let is_fine = |level: &u8| 2.0 * root.spacing(*level) <= std::f64::consts::SQRT_2 * spacing;
+    (0..MAX_LEVEL).find(is_fine).unwrap_or(MAX_LEVEL)
 }
 
 /// The cells of a build without --depth and --cell: their size, and the level that has them.
@@ -211,7 +216,7 @@ pub fn cloud_cells(surfels: &Surfels) -> Result<(f64, u8)> {
     Ok((root.spacing(depth), depth))
 }
 
-fn describe(input: &CloudInput, estimated: bool) -> Result<Source> {
+pub(super) fn describe(input: &CloudInput, estimated: bool) -> Result<Source> {
     let normals = if estimated { ", estimated normals" } else { "" };
     Ok(Source {
         path: input.path().display().to_string(),

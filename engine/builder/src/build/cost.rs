@@ -66,7 +66,8 @@ impl CostMap {
         }
     }
 
-    fn and(mut self, other: &CostMap) -> CostMap {
+    /// Of the pieces of both.
+    pub fn and(mut self, other: &CostMap) -> CostMap {
         self.sum = self.sum.wrapping_add(other.sum);
         self.touching.iter_mut().zip(&other.touching).for_each(|(mine, theirs)| *mine += theirs);
         self.occupied.iter_mut().zip(&other.occupied).for_each(|(mine, theirs)| *mine |= theirs);

@@ -2,7 +2,10 @@
 
 use super::choose::BeadSizes;
 use super::cloud::{place_cloud, surfels};
-use super::memory::{build_any_in_memory, build_beads_in_memory, build_cloud_in_memory};
+use super::memory::{
+    build_any_in_memory, build_beads_in_memory, build_cloud_and_soup_in_memory, build_cloud_in_memory,
+};
+use super::mixed::{MixedInput, MixedPlace, SortedInputs};
 use super::orient;
 use super::pipeline::{BuildOptions, place};
 use super::rules::{TreeOptions, require_no_tolerance};
@@ -84,4 +87,30 @@ pub fn build_clouds_in_memory(
     let (root, depth) = place_cloud(&surfels, first.as_deref(), options.resolution)?;
     let tree = build_cloud_in_memory(&surfels, root, tree_options(depth, options), options.gwn_error)?;
     Ok(TreeInMemory { tree, bounds: surfels.points })
+}
+
+/// Builds the tree of meshes and point clouds together in memory; see [`super::build_mixed`].
+///
+/// # Errors
+/// As [`super::build_mixed`]; [`Error::Setting`](crate::error::Error::Setting) where walls thinner than a cell are asked for.
+pub fn build_mixed_in_memory(
+    inputs: Vec<MixedInput>,
+    estimate: bool,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<TreeInMemory> {
+    options.thin.require_none(IN_MEMORY)?;
+    let SortedInputs { meshes, clouds, .. } = SortedInputs::of(inputs)?;
+    let surveys: Vec<Survey> = meshes.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
+    let surfels = surfels(clouds, estimate, progress)?;
+    let first = meshes.first().map(Input::path);
+    let MixedPlace { bounds, root, depth } = MixedPlace::of(&surveys, &surfels, first, options.resolution)?;
+    let given: Vec<&dyn Facets> = meshes.iter().map(|input| input as &dyn Facets).collect();
+    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
+    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
+    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
+    let (how, error) = (tree_options(depth, options), options.gwn_error);
+    let tree = build_cloud_and_soup_in_memory(&surfels, &soups, root, how, error)?;
+    meshes.iter().try_for_each(Input::check)?;
+    Ok(TreeInMemory { tree, bounds })
 }

@@ -3,6 +3,7 @@
 use super::cloud;
 use super::field::PieceField;
 use super::jobs::{BuildPlan, build_tree, sort_cubes};
+use super::mixed::{self, MIXED};
 use super::open::OpenSoup;
 use super::resources::SpillResources;
 use super::rules::{OPEN, POINTS, Rules, SOLIDS, TreeOptions, require_no_tolerance};
@@ -18,7 +19,7 @@ use crate::progress::Silent;
 use crate::solid::{Outline, Solids};
 use crate::store::{MemoryTree, Records};
 use crate::toolpath::Toolpath;
-use crate::winding::{CloudBricks, Surfels};
+use crate::winding::{CloudBricks, MixedField, OpenPart, Surfels};
 use std::sync::Mutex;
 
 /// Builds the tree of a closed soup in memory: 70 KB per brick that is not uniform.
@@ -57,6 +58,32 @@ pub fn build_cloud_in_memory(
     let field = CloudBricks::new(surfels, root, error, rules.depth)?;
     let pieces: Vec<_> = field.pieces().collect();
     tree_of(&field, cloud::gather(&field, &pieces), &rules, root)
+}
+
+/// Builds the tree of a point cloud and any soup together in memory, with samples that are off by at most `error`.
+///
+/// # Errors
+/// As [`build_open_in_memory`].
+pub fn build_cloud_and_soup_in_memory(
+    surfels: &Surfels,
+    sources: &[&dyn Facets],
+    root: RootCube,
+    options: TreeOptions,
+    error: f64,
+) -> Result<MemoryTree> {
+    require_no_tolerance(options.tolerance, MIXED)?;
+    let rules = Rules { evaluate_interior: true, ..Rules::new(options, root)? };
+    let cubes = (sort_cubes(&rules), rules.sieved());
+    let soup = snap(sources, root, cubes, &SpillResources::unbounded(), &Silent)?;
+    let open = match soup.balance.is_closed() {
+        true => None,
+        false => Some(OpenPart::of(sources, root, &Silent)?),
+    };
+    let mut triangles = Vec::new();
+    soup.sorted.gather(0, &mut triangles)?;
+    let field = MixedField::new(surfels, open, root, error, rules.depth)?;
+    let balls: Vec<_> = field.cloud().pieces().collect();
+    tree_of(&field, mixed::gather(&field, &triangles, &balls), &rules, root)
 }
 
 /// Builds the tree of the beads of toolpaths, as analytic solids, in memory.

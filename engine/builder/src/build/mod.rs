@@ -22,6 +22,8 @@ mod jobs;
 mod measure;
 mod memory;
 mod merge;
+mod mixed;
+mod mixed_field;
 mod open;
 mod orient;
 mod packing;
@@ -48,10 +50,14 @@ mod toolpaths;
 
 pub use closed::is_closed;
 pub use cloud::{build_clouds, cloud_cells, surfels};
-pub use in_memory::{TreeInMemory, build_clouds_in_memory, build_inputs_in_memory};
+pub use in_memory::{TreeInMemory, build_clouds_in_memory, build_inputs_in_memory, build_mixed_in_memory};
 pub use measure::{Measures, measure};
-pub use memory::{build_beads_in_memory, build_cloud_in_memory, build_in_memory, build_open_in_memory};
+pub use memory::{
+    build_beads_in_memory, build_cloud_and_soup_in_memory, build_cloud_in_memory, build_in_memory,
+    build_open_in_memory,
+};
 pub use merge::{MergeSummary, merge};
+pub use mixed::{MixedInput, build_mixed};
 pub use pipeline::{BuildOptions, CommitOptions, Resolution, build, build_opened};
 pub use plan_file::is_plan;
 pub use planned::{PlanSummary, build_planned, plan};

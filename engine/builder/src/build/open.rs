@@ -42,20 +42,29 @@ impl OpenSoup {
     ) -> Result<OpenSoup> {
         let part = OpenPart::within(memory / 4, sources, root, progress)?;
         let field = OpenField::new(part, error, depth)?;
-        let need = OpenSoup::bytes_of(&field);
-        if need > memory {
-            let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-            let caps = field.part().summary.caps;
-            return Err(Error::setting(
-                format!(
-                    "the surface is open, and the {caps} triangles that close it need {} MiB of the {} MiB that there are",
-                    mib(need),
-                    mib(memory)
-                ),
-                "allow more with `memory`, or close the surface",
-            ));
-        }
+        OpenSoup::require_room(&field, memory)?;
         Ok(OpenSoup { field, device: device.map(DeviceShares::new) })
+    }
+
+    /// The memory that the caps of a field take.
+    ///
+    /// # Errors
+    /// If that is more than `memory`.
+    pub fn require_room(field: &OpenField, memory: u64) -> Result<u64> {
+        let need = OpenSoup::bytes_of(field);
+        if need <= memory {
+            return Ok(need);
+        }
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        let caps = field.part().summary.caps;
+        Err(Error::setting(
+            format!(
+                "the surface is open, and the {caps} triangles that close it need {} MiB of the {} MiB that there are",
+                mib(need),
+                mib(memory)
+            ),
+            "allow more with `memory`, or close the surface",
+        ))
     }
 
     /// Memory that the caps take for as long as it lives.

@@ -43,7 +43,7 @@ pub enum Resolution {
 }
 
 /// [`Resolution::Auto`] of all but point clouds.
-const AUTO_DEPTH: u8 = 4;
+pub(super) const AUTO_DEPTH: u8 = 4;
 
 /// Facets whose volumes cost what one more facet in a cube does. Measured on 10 million.
 const FACETS_OF_VOLUMES: u64 = 2;
@@ -369,6 +369,15 @@ const OPEN_BYTES_A_FACET: u64 = 100;
 
 /// Fails if an open soup does not fit in memory.
 fn require_open_room(facets: u64, resources: &Resources) -> Result<()> {
+    require_room_for_facets(facets, resources, ("the surface is open", "close the surface"))
+}
+
+/// Fails if facets that have to be in memory, and why, need more than there is; `remedy` is what helps beside more memory.
+pub(super) fn require_room_for_facets(
+    facets: u64,
+    resources: &Resources,
+    (why, remedy): (&str, &str),
+) -> Result<()> {
     let need = facets.saturating_mul(OPEN_BYTES_A_FACET).saturating_add(FAR_FIELD_BYTES);
     if need <= resources.memory {
         return Ok(());
@@ -376,10 +385,10 @@ fn require_open_room(facets: u64, resources: &Resources) -> Result<()> {
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     Err(Error::setting(
         format!(
-            "the surface is open, and its {facets} facets need {} MiB of the {} MiB that there are",
+            "{why}, and its {facets} facets need {} MiB of the {} MiB that there are",
             mib(need),
             mib(resources.memory)
         ),
-        "allow more with `memory`, or close the surface",
+        format!("allow more with `memory`, or {remedy}"),
     ))
 }

@@ -48,10 +48,11 @@ pub(super) enum SoupEvaluation<'a> {
 
 /// A brick of an open soup in which the caps count.
 pub(super) struct OpenEvaluation<'a> {
-    brick: OpenBrick,
-    /// The counts with the caps, if the caps move no passage of 0.5: then these have the brick's Hermite edges.
-    counts: Option<Evaluation<'a>>,
-    is_touched: bool,
+    pub brick: OpenBrick,
+    /// The counts with the caps, if what is added moves no passage of 0.5: then these have the brick's Hermite edges.
+    pub counts: Option<Evaluation<'a>>,
+    /// Whether a facet touches it.
+    pub is_touched: bool,
 }
 
 /// What a device found, and from what.
@@ -224,13 +225,29 @@ fn evaluate_open<'a>(
     Ok(SoupEvaluation::Open(Box::new(open)))
 }
 
-impl OpenEvaluation<'_> {
-    fn has_hidden_boundary(&self) -> bool {
-        self.counts.as_ref().map_or_else(|| self.brick.may_hide_boundary(), Evaluation::has_hidden_boundary)
+impl BrickEvaluation for OpenEvaluation<'_> {
+    fn samples(&self) -> &Samples {
+        &self.brick.samples
+    }
+
+    fn into_samples(self) -> Samples {
+        self.brick.samples
     }
 
     fn corners(&self) -> [i16; 8] {
         self.counts.as_ref().map_or(self.brick.corner_counts, |counts| counts.samples.child_corners())
+    }
+
+    fn fractions(&self) -> Option<Fractions> {
+        Some(Fractions { bits: self.brick.samples.1, straight: self.brick.is_straight() })
+    }
+
+    fn has_hidden_crossings(&mut self) -> bool {
+        self.is_touched
+    }
+
+    fn has_hidden_boundary(&mut self) -> bool {
+        self.counts.as_ref().map_or_else(|| self.brick.may_hide_boundary(), Evaluation::has_hidden_boundary)
     }
 
     fn into_leaf(self) -> Result<Brick> {
@@ -266,7 +283,7 @@ impl DeviceEvaluation<'_> {
 impl BrickEvaluation for SoupEvaluation<'_> {
     fn samples(&self) -> &Samples {
         match self {
-            SoupEvaluation::Open(open) => &open.brick.samples,
+            SoupEvaluation::Open(open) => open.samples(),
             SoupEvaluation::Here(evaluation) => &evaluation.samples,
             SoupEvaluation::There(evaluation) => &evaluation.found.samples,
         }
@@ -274,7 +291,7 @@ impl BrickEvaluation for SoupEvaluation<'_> {
 
     fn into_samples(self) -> Samples {
         match self {
-            SoupEvaluation::Open(open) => open.brick.samples,
+            SoupEvaluation::Open(open) => open.into_samples(),
             SoupEvaluation::Here(evaluation) => evaluation.samples,
             SoupEvaluation::There(evaluation) => evaluation.found.samples,
         }
@@ -289,16 +306,14 @@ impl BrickEvaluation for SoupEvaluation<'_> {
 
     fn fractions(&self) -> Option<Fractions> {
         match self {
-            SoupEvaluation::Open(open) => {
-                Some(Fractions { bits: open.brick.samples.1, straight: open.brick.is_straight() })
-            }
+            SoupEvaluation::Open(open) => open.fractions(),
             SoupEvaluation::Here(_) | SoupEvaluation::There(_) => None,
         }
     }
 
     fn has_hidden_crossings(&mut self) -> bool {
         match self {
-            SoupEvaluation::Open(open) => open.is_touched,
+            SoupEvaluation::Open(open) => open.has_hidden_crossings(),
             SoupEvaluation::Here(evaluation) => evaluation.has_hidden_crossings(),
             SoupEvaluation::There(evaluation) => evaluation.found.has_hidden_crossings(),
         }

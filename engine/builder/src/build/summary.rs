@@ -48,6 +48,8 @@ pub enum InputSummary {
     Beads(BeadsSummary),
     /// Point clouds.
     Points(PointsSummary),
+    /// Triangles and point clouds.
+    Mixed(FacetsSummary, PointsSummary),
 }
 
 /// Triangles that were read.
@@ -98,18 +100,19 @@ impl InputSummary {
             InputSummary::Facets(read) => read.facets,
             InputSummary::Beads(read) => read.segments,
             InputSummary::Points(read) => read.points,
+            InputSummary::Mixed(facets, points) => facets.facets + points.points,
         }
     }
 
     /// Whether points were read.
-    pub fn is_cloud(&self) -> bool {
-        matches!(self, InputSummary::Points(_))
+    pub fn has_points(&self) -> bool {
+        matches!(self, InputSummary::Points(_) | InputSummary::Mixed(..))
     }
 
     /// What was read of triangles, if any were.
     pub fn facets(&self) -> Option<&FacetsSummary> {
         match self {
-            InputSummary::Facets(read) => Some(read),
+            InputSummary::Facets(read) | InputSummary::Mixed(read, _) => Some(read),
             InputSummary::Beads(_) | InputSummary::Points(_) => None,
         }
     }
@@ -122,6 +125,7 @@ impl Serialize for BuildSummary {
             InputSummary::Facets(read) => (read, 0, &no_points),
             InputSummary::Beads(read) => (&no_facets, read.segments, &no_points),
             InputSummary::Points(read) => (&no_facets, 0, read),
+            InputSummary::Mixed(facets, points) => (facets, 0, points),
         };
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("facets", &facets.facets)?;

@@ -102,6 +102,13 @@ pub struct Source {
     pub blake3: [u8; 32],
 }
 
+impl Source {
+    /// Whether it is a point cloud.
+    pub fn is_cloud(&self) -> bool {
+        self.format.contains(" points") || self.format.starts_with("points ")
+    }
+}
+
 /// The criterion by which nodes above the depth limit are divided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -147,9 +154,18 @@ pub struct BuildCounts {
 }
 
 impl Meta {
-    /// Whether the input was a point cloud: then what counts as facets are points.
+    /// Whether there was a point cloud among the inputs: then points are among what counts as facets.
     pub fn holds_points(&self) -> bool {
-        self.sources.iter().any(|source| source.format.contains(" points"))
+        self.sources.iter().any(Source::is_cloud)
+    }
+
+    /// What the numbers of facets count.
+    pub fn counted(&self) -> &'static str {
+        match (self.holds_points(), self.sources.iter().all(Source::is_cloud)) {
+            (false, _) => "facets",
+            (true, true) => "points",
+            (true, false) => "pieces",
+        }
     }
 
     /// Of a store whose surface was made anew from this one's, as in `offset by` a length: it is divided at its surface alone,

@@ -10,6 +10,7 @@ mod edges;
 mod evaluate;
 mod hermite;
 mod lines;
+mod mixed;
 mod open;
 mod passages;
 mod points;
@@ -24,6 +25,7 @@ pub use cloud::{
 };
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, TriangleList};
+pub use mixed::{MixedEvaluator, MixedField};
 pub use open::{
     BlockSample, Boundary, ClusterParts, ClusterTree, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenBrick, OpenEdge,
     OpenEvaluator, OpenField, OpenPart, OpenSummary, RoundedShares, SumBlock, SumBlocks, SurfaceElement,

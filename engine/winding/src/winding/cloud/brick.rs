@@ -82,21 +82,36 @@ impl CloudBricks {
         key: NodeKey,
         mut pieces: impl Iterator<Item = CloudPiece>,
     ) -> Result<CloudBrick> {
+        let samples = fixed_point(key, self.bits, self.sums(scratch, key).iter().copied())?;
+        let has_details = pieces.any(|piece| !piece.is_seen_by(key));
+        Ok(CloudBrick { smooth: OpenBrick::smooth(samples, key, self.error), has_details })
+    }
+}
+
+impl CloudBricks {
+    /// The sums over all dipoles at the samples of a brick: rounded to the binary places, they are off by at most the error.
+    pub(in crate::winding) fn sums<'a>(
+        &self,
+        scratch: &'a mut CloudEvaluator,
+        key: NodeKey,
+    ) -> &'a [f64; POINTS] {
         let CloudEvaluator { shares, near, values } = scratch;
-        let sums = match &self.cells {
+        match &self.cells {
             Some(cells) => {
                 let values = values.get_or_insert_with(|| Box::new([0.0; POINTS]));
                 cells.fill(&self.field.tree, key, near, values);
-                &**values
+                values
             }
             None => {
                 shares.find(&self.field.tree, (self.error, self.bits, self.least), key);
                 shares.values()
             }
-        };
-        let samples = fixed_point(key, self.bits, sums.iter().copied())?;
-        let has_details = pieces.any(|piece| !piece.is_seen_by(key));
-        Ok(CloudBrick { smooth: OpenBrick::smooth(samples, key, self.error), has_details })
+        }
+    }
+
+    /// Binary places of all samples.
+    pub(in crate::winding) fn binary_places(&self) -> u8 {
+        self.bits
     }
 }
 

@@ -117,6 +117,13 @@ pub(in crate::winding) fn fixed_point(
     Ok(samples)
 }
 
+/// Whether all samples are within a quarter of these counts.
+pub(in crate::winding) fn are_near(counts: &Samples, samples: &Samples) -> bool {
+    let most = 1i32 << samples.1 >> 2;
+    let is_near = |(count, w): (&i16, &i16)| ((i32::from(*count) << samples.1) - i32::from(*w)).abs() <= most;
+    counts.0.iter().zip(samples.0.iter()).all(is_near)
+}
+
 fn too_large(key: NodeKey, w: f64) -> Error {
     Error::setting(
         format!("the winding number reaches {w:.1} in brick {key}, too much for its 16 bits"),
@@ -214,10 +221,18 @@ impl OpenField {
     /// # Errors
     /// [`Error::Setting`] if a winding number does not fit 16 bits.
     pub fn samples(&self, scratch: &mut OpenEvaluator, key: NodeKey, counts: &Samples) -> Result<Samples> {
-        let shares = &mut scratch.shares;
-        shares.find(&self.part.tree, (self.error, self.bits, self.least), key);
-        let values = counts.0.iter().zip(shares.values.iter());
+        let values = counts.0.iter().zip(self.sums(scratch, key));
         fixed_point(key, self.bits, values.map(|(count, share)| f64::from(*count) - share))
+    }
+
+    /// The sums over the caps at the samples of a brick: rounded to the binary places, they are off by at most the error.
+    pub(in crate::winding) fn sums<'a>(
+        &self,
+        scratch: &'a mut OpenEvaluator,
+        key: NodeKey,
+    ) -> &'a [f64; POINTS] {
+        scratch.shares.find(&self.part.tree, (self.error, self.bits, self.least), key);
+        scratch.shares.values()
     }
 
     /// As [`OpenField::samples`], where the sums over the caps are known already.
@@ -247,18 +262,13 @@ impl OpenField {
         samples: Samples,
         list: TriangleList<'_>,
     ) -> OpenBrick {
-        let facets = self.facets(list);
-        OpenBrick { samples, corner_counts: counts.child_corners(), key, facets, error: self.error }
+        OpenBrick::of_facets((samples, counts.child_corners()), key, self.facets(list), self.error)
     }
 
     /// Whether the sum over the caps, at most a quarter at all samples of a brick that no cap touches, moves no passage of
     /// 0.5: that is where the count passes it.
     pub fn is_tame(&self, counts: &Samples, samples: &Samples, list: TriangleList<'_>) -> bool {
-        let most = 1i32 << self.bits >> 2;
-        let is_near =
-            |(count, w): (&i16, &i16)| ((i32::from(*count) << self.bits) - i32::from(*w)).abs() <= most;
-        counts.0.iter().zip(samples.0.iter()).all(is_near)
-            && list.indices.iter().all(|&i| !self.is_cap(&list.array[i as usize]))
+        are_near(counts, samples) && list.indices.iter().all(|&i| !self.is_cap(&list.array[i as usize]))
     }
 
     /// The sums over the caps at all samples of a brick, to be computed elsewhere, added to `blocks`.
@@ -272,7 +282,7 @@ impl OpenField {
     }
 
     /// The facets among the pieces of a brick: all but as many as there are caps of the same vertices.
-    fn facets(&self, list: TriangleList<'_>) -> Vec<Triangle> {
+    pub(in crate::winding) fn facets(&self, list: TriangleList<'_>) -> Vec<Triangle> {
         let (mut caps, mut facets) = (Vec::new(), Vec::new());
         for &index in list.indices {
             let t = list.array[index as usize];
@@ -492,6 +502,16 @@ impl OpenBrick {
     /// Of a field without facets, or whose Hermite edges are known from elsewhere.
     pub fn smooth(samples: Samples, key: NodeKey, error: f64) -> OpenBrick {
         OpenBrick { samples, corner_counts: [0; 8], key, facets: Vec::new(), error }
+    }
+
+    /// Of samples and the counts at the corners of the node's children, with the facets that touch it and are no caps.
+    pub(in crate::winding) fn of_facets(
+        (samples, corner_counts): (Samples, [i16; 8]),
+        key: NodeKey,
+        facets: Vec<Triangle>,
+        error: f64,
+    ) -> OpenBrick {
+        OpenBrick { samples, corner_counts, key, facets, error }
     }
 
     /// Whether a facet touches the brick.

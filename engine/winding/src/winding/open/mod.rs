@@ -31,7 +31,7 @@ mod wide;
 pub use blocks::{BlockSample, ClusterParts, SumBlock, SumBlocks};
 pub use boundary::{Boundary, OpenEdge};
 pub use brick::{OpenBrick, OpenEvaluator, OpenField, RoundedShares};
-pub(super) use brick::{Shares, binary_places, fixed_point, least_bits};
+pub(super) use brick::{Shares, are_near, binary_places, fixed_point, least_bits};
 pub use cells::FAR_FIELD_BYTES;
 pub(super) use concurrent_cache::{ConcurrentCache, MemorySize};
 pub use local::GROUP;

@@ -1,0 +1,219 @@
+//! The main job from meshes and point clouds together: their winding numbers add up.
+
+use super::bins::Binner;
+use super::clock::Clock;
+use super::cloud::{depth_of_spacing, describe as describe_cloud, surfels};
+use super::cost::{weigh_pieces, weigh_soup};
+use super::forecast::{ForecastInput, foresee};
+use super::jobs::sort_cubes;
+use super::mixed_field::MixedPiece;
+use super::open::OpenSoup;
+use super::orient;
+use super::pipeline::{
+    AUTO_DEPTH, BuildOptions, Resolution, describe, place, require_room_for_facets, snapped,
+};
+use super::rules::require_no_tolerance;
+use super::sorted::SortedPieces;
+use super::summary::{BuildSummary, FacetsSummary, InputSummary, PointsSummary};
+use super::task::Task;
+use crate::error::{Error, Result};
+use crate::ingest::{CloudInput, Facets, Input, Survey};
+use crate::lattice::{NodeKey, RootCube, Triangle};
+use crate::pieces::FlippedSource;
+use crate::progress::Progress;
+use crate::store::{Source, check_target};
+use crate::winding::{CloudPiece, MixedField, OpenPart, OpenSummary, Surfels};
+use std::path::Path;
+
+/// What has no tolerance, and does not know what hides between its samples.
+pub(super) const MIXED: &str = "of point clouds beside them";
+
+/// One of several inputs.
+#[derive(Debug)]
+pub enum MixedInput {
+    /// A mesh, or a toolpath that is swept to triangles.
+    Mesh(Input),
+    /// A point cloud.
+    Cloud(CloudInput),
+}
+
+/// Inputs by their kind.
+pub(super) struct SortedInputs {
+    pub meshes: Vec<Input>,
+    pub clouds: Vec<CloudInput>,
+    /// Of each in the order in which they were given, whether it is a cloud.
+    are_clouds: Vec<bool>,
+}
+
+/// Where meshes and clouds lie.
+pub(super) struct MixedPlace {
+    /// The box around facets and points.
+    pub bounds: ([f64; 3], [f64; 3]),
+    pub root: RootCube,
+    pub depth: u8,
+}
+
+impl SortedInputs {
+    /// # Errors
+    /// [`Error::Setting`] unless there are both.
+    pub fn of(inputs: Vec<MixedInput>) -> Result<SortedInputs> {
+        let mut sorted = SortedInputs { meshes: Vec::new(), clouds: Vec::new(), are_clouds: Vec::new() };
+        for input in inputs {
+            sorted.are_clouds.push(matches!(input, MixedInput::Cloud(_)));
+            match input {
+                MixedInput::Mesh(mesh) => sorted.meshes.push(mesh),
+                MixedInput::Cloud(cloud) => sorted.clouds.push(cloud),
+            }
+        }
+        match sorted.meshes.is_empty() || sorted.clouds.is_empty() {
+            true => Err(Error::setting("there are not both meshes and clouds", "give one of each at least")),
+            false => Ok(sorted),
+        }
+    }
+
+    /// What the store records, in the order in which inputs were given.
+    fn sources(&self, surveys: &[Survey], estimate: bool) -> Result<Vec<Source>> {
+        let mut meshes = self.meshes.iter().zip(surveys);
+        let mut clouds = self.clouds.iter();
+        let source = |is_cloud: &bool| match is_cloud {
+            true => describe_cloud(clouds.next().expect("as many as there are"), estimate),
+            false => {
+                let (input, survey) = meshes.next().expect("as many as there are");
+                Ok(describe(input, survey.identity))
+            }
+        };
+        self.are_clouds.iter().map(source).collect()
+    }
+}
+
+impl MixedPlace {
+    /// The root cube around all, and the deepest level: if none is asked for, the deeper one of what meshes and what the
+    /// clouds get alone.
+    pub fn of(
+        surveys: &[Survey],
+        surfels: &Surfels,
+        first: Option<&Path>,
+        resolution: Resolution,
+    ) -> Result<MixedPlace> {
+        let of_meshes = Survey::bounds_of_all(surveys);
+        let (min, max) = around(of_meshes, surfels.bounds());
+        let (root, depth) = match resolution {
+            Resolution::Auto => {
+                let (root, _) = place(first, min, max, Resolution::Depth(0))?;
+                (root, AUTO_DEPTH.max(depth_of_spacing(root, surfels.spacing)))
+            }
+            asked => place(first, min, max, asked)?,
+        };
+        Ok(MixedPlace { bounds: around(of_meshes, surfels.points), root, depth })
+    }
+}
+
+/// The box around two.
+fn around(a: ([f64; 3], [f64; 3]), b: ([f64; 3], [f64; 3])) -> ([f64; 3], [f64; 3]) {
+    (std::array::from_fn(|i| a.0[i].min(b.0[i])), std::array::from_fn(|i| a.1[i].max(b.1[i])))
+}
+
+/// The facets, the caps of the field and its balls, for a tree whose nodes decide from the root on.
+pub(super) fn gather(
+    field: &MixedField,
+    facets: &[Triangle],
+    balls: &[CloudPiece],
+) -> SortedPieces<MixedField> {
+    let caps = field.open().map_or(&[][..], |open| &open.part().caps);
+    let triangles = facets.iter().chain(caps).map(|t| MixedPiece::Facet(*t));
+    let pieces: Vec<MixedPiece> = triangles.chain(balls.iter().map(|ball| MixedPiece::Ball(*ball))).collect();
+    let mut sorted = SortedPieces::default();
+    sorted.push(field, &Binner::new(NodeKey::ROOT, 0), &pieces);
+    sorted
+}
+
+/// Builds `output` from meshes and point clouds together, on the threads of the current rayon pool: the sum of the field of
+/// [`super::build_opened`] and that of [`super::build_clouds`], with samples that are off by at most the options'
+/// `gwn_error`. With `estimate`, normals are found from the points.
+///
+/// The file's bytes depend on the inputs, their paths as given, the order of the paths and the options, and on nothing else.
+///
+/// # Errors
+/// As [`super::build_opened`] and [`super::build_clouds`]; if there are only meshes, or only clouds.
+pub fn build_mixed(
+    inputs: Vec<MixedInput>,
+    estimate: bool,
+    output: &Path,
+    options: &BuildOptions,
+    progress: &dyn Progress,
+) -> Result<BuildSummary> {
+    require_no_tolerance(options.tolerance, MIXED)?;
+    options.thin.require_none(MIXED)?;
+    let mut clock = Clock::default();
+    check_target(output)?;
+    let mut inputs = SortedInputs::of(inputs)?;
+    let surveys: Vec<Survey> =
+        inputs.meshes.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
+    let sources = inputs.sources(&surveys, estimate)?;
+    let surfels = surfels(std::mem::take(&mut inputs.clouds), estimate, progress)?;
+    let meshes = inputs.meshes;
+    let first = meshes.first().map(Input::path);
+    let MixedPlace { bounds, root, depth } = MixedPlace::of(&surveys, &surfels, first, options.resolution)?;
+    let facets: u64 = meshes.iter().map(Input::facets).sum();
+    let alone = ("meshes beside clouds stay in memory", "build them apart");
+    require_room_for_facets(facets, &options.resources, alone)?;
+    foresee(&ForecastInput::Facets(&meshes), (root, depth), bounds, output, options, progress)?;
+    let mut task = Task::begin(sources, bounds, root, depth, output, options, None)?;
+    task.rules.evaluate_interior = true;
+    clock.lap("measure");
+    let given: Vec<&dyn Facets> = meshes.iter().map(|input| input as &dyn Facets).collect();
+    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
+    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
+    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
+    clock.lap_if(turned.is_some(), "orient");
+    let cubes = (sort_cubes(&task.rules), task.rules.sieved());
+    let soup = snapped((&meshes, &soups), root, cubes, &task.room, progress)?;
+    let points = PointsSummary {
+        points: surfels.all.len() as u64 + surfels.void,
+        void_points: surfels.void,
+        spacing: surfels.spacing,
+    };
+    task.meta.numbers.facets = facets + points.points;
+    task.meta.numbers.degenerate_facets = soup.degenerate + points.void_points;
+    clock.lap("snap");
+    let mut triangles = Vec::new();
+    soup.sorted.gather(0, &mut triangles)?;
+    drop(soup.sorted);
+    let open = match soup.balance.is_closed() {
+        true => None,
+        false => Some(OpenPart::within(task.room.memory() / 4, &soups, root, progress)?),
+    };
+    meshes.iter().try_for_each(Input::check)?;
+    let field = MixedField::new(&surfels, open, root, options.gwn_error, task.rules.depth)?;
+    drop(surfels);
+    if let Some(open) = field.open() {
+        task.room.take(OpenSoup::require_room(open, task.room.memory())?);
+    }
+    clock.lap("cluster");
+    let balls: Vec<CloudPiece> = field.cloud().pieces().collect();
+    task.cut(
+        |cubes| {
+            let of_facets = weigh_soup(&soups, root, cubes, progress)?;
+            Ok(of_facets.and(&weigh_pieces(field.cloud(), &balls, cubes, progress)?))
+        },
+        0,
+    )?;
+    clock.lap_if(task.meta.shard.is_some(), "weigh");
+    let sorted = gather(&field, &triangles, &balls);
+    drop((triangles, balls));
+    task.build(&field, sorted, progress)?;
+    clock.lap("build");
+    let open = field.open().map_or(OpenSummary::default(), |open| open.part().summary);
+    let read = FacetsSummary {
+        facets,
+        degenerate_facets: soup.degenerate,
+        skipped_faces: meshes.iter().map(Input::skipped_faces).sum(),
+        open_edges: open.open_edges,
+        loops: open.loops,
+        flipped_patches: open.flipped_patches,
+        pieces: turned.map(|(report, _)| report),
+        inside_out: None,
+        turned_sweeps: meshes.iter().map(Input::turned_sweeps).sum(),
+    };
+    task.finish(InputSummary::Mixed(read, points), clock, progress)
+}
