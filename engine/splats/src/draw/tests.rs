@@ -1,24 +1,33 @@
 //! Pictures judged by the silhouette and the normals of a ball.
 
 use super::*;
+use crate::bsp::{Cell, Clip};
 use crate::progress::Silent;
+use crate::splats::CellPlanes;
+
+/// A node of one cell, with planes: unit normals, and distances from the middle in cells.
+fn node(corner: [f64; 3], size: f64, planes: &[([f64; 3], f64)], clips: u8) -> SceneNode {
+    let cell = Cell { at: [0; 3], first: 0, count: planes.len() as u8, clips, divided: false };
+    let mut all = [([0.0; 3], 0.0); 3];
+    all[..planes.len()].copy_from_slice(planes);
+    SceneNode::new(corner, size, &mut std::iter::once(CellPlanes { cell, planes: all }))
+}
 
 /// Splats that touch a ball of radius 1, in cells of a size.
-fn ball(cell: f64) -> Vec<Disc> {
-    let mut discs = Vec::new();
-    let count = (1.2 / cell) as i32;
+fn ball(size: f64) -> SplatScene {
+    let mut nodes = Vec::new();
+    let count = (1.2 / size) as i32;
     for n in 0..(2 * count).pow(3) {
         let at = [n % (2 * count), n / (2 * count) % (2 * count), n / (2 * count) / (2 * count)];
-        let cell_centre = at.map(|c| (f64::from(c - count) + 0.5) * cell);
-        let length = cell_centre.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let normal = cell_centre.map(|c| c / length);
-        let support = normal.iter().map(|c| c.abs()).sum::<f64>() * cell / 2.0;
+        let middle = at.map(|c| (f64::from(c - count) + 0.5) * size);
+        let length = middle.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let normal = middle.map(|c| c / length);
+        let support = normal.iter().map(|c| c.abs()).sum::<f64>() * size / 2.0;
         if (length - 1.0).abs() <= support * 1.05 {
-            let radius = cell * 0.75f64.sqrt();
-            discs.push(Disc { centre: normal, normal, radius, cell_centre, cell, cuts: Vec::new() });
+            nodes.push(node(middle.map(|c| c - size / 2.0), size, &[(normal, (1.0 - length) / size)], 0));
         }
     }
-    discs
+    SplatScene::new(nodes)
 }
 
 fn options(opening: f64) -> DrawOptions {
@@ -51,7 +60,7 @@ fn a_ball_has_its_silhouette_and_no_holes() {
             assert!(off > -0.7 || *pixel != [255; 4], "a hole at {from:?}, {opening}, {cell}");
             assert!(off < slack || *pixel == [255; 4], "{off} beyond the ball, {opening}, {cell}");
         }
-        assert!(picture.drawn < ball(cell).len() as u64 * 3 / 4);
+        assert!(picture.drawn < ball(cell).len() * 3 / 4);
     }
 }
 
@@ -75,22 +84,21 @@ fn cuts_show_the_inside_and_splats_cut_each_other() {
     let [r, _, b, _] = picture.pixels[50 * 100 + 50];
     assert!(r > b, "the inside has a colour of its own");
     // Half of a splat is what another leaves of it.
-    let (centre, normal) = ([0.0; 3], [0.0, 0.0, 1.0]);
-    let cuts = vec![([1.0, 0.0, 0.0], 0.0)];
-    let half = Disc { centre, normal, radius: 0.9, cell_centre: [0.0; 3], cell: 2.0, cuts };
+    let planes = [([0.0, 0.0, 1.0], 0.0), ([1.0, 0.0, 0.0], 0.0)];
+    let half = node([-0.5; 3], 1.0, &planes, Clip::Convex.of_pair(0));
     options.cuts.clear();
-    let picture = draw(&[half], &options, &Silent).unwrap();
+    let picture = draw(&SplatScene::new(vec![half]), &options, &Silent).unwrap();
     let is_drawn = |column: usize| picture.pixels[50 * 100 + column] != [255; 4];
-    assert!(is_drawn(48) && !is_drawn(52) && is_drawn(20) && !is_drawn(10));
+    assert!(is_drawn(48) && !is_drawn(52) && is_drawn(26) && !is_drawn(20));
 }
 
 #[test]
 fn what_cannot_be_drawn_is_refused() {
     let mut bad = options(0.0);
     bad.size = [0, 5];
-    assert!(draw(&[], &bad, &Silent).is_err());
+    assert!(draw(&SplatScene::default(), &bad, &Silent).is_err());
     bad.size = [60_000, 60_000];
-    assert!(draw(&[], &bad, &Silent).is_err());
+    assert!(draw(&SplatScene::default(), &bad, &Silent).is_err());
     bad.size = [9, 9];
-    assert!(draw(&[], &bad, &Silent).unwrap().pixels.iter().all(|pixel| *pixel == [255; 4]));
+    assert!(draw(&SplatScene::default(), &bad, &Silent).unwrap().pixels.iter().all(|pixel| *pixel == [255; 4]));
 }
