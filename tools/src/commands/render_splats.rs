@@ -83,8 +83,7 @@ fn of_brick_store(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failur
     let options = LevelsOptions { level: Some(level), finest_only: true, ..LevelsOptions::default() };
     let levels =
         SplatLevels::new(&store, options, bars).map_err(|error| of_store(&store, "leaves", error))?;
-    let scene =
-        SplatScene::of_levels(&levels, None).map_err(|error| of_store(&store, "leaves", error))?;
+    let scene = SplatScene::of_levels(&levels, None).map_err(|error| of_store(&store, "leaves", error))?;
     Ok(Part { scene, unit: meta.unit.clone(), bounds })
 }
 

@@ -31,10 +31,11 @@ use std::path::Path;
 pub use scene::SplatScene;
 
 /// Splats that are placed in one piece, at least, where a level has so many.
-const PIECE: usize = 32_768;
+const PIECE: usize = 16_384;
 
-/// Most rays of a picture: 32 bytes each are in memory.
+/// Most rays of a picture, and of one of its sides.
 const RAYS_MAX: u64 = 1 << 28;
+const SIDE_RAYS_MAX: u32 = 1 << 16;
 
 /// What to draw, and how.
 #[derive(Clone, Debug)]
@@ -78,7 +79,8 @@ pub fn draw(scene: &SplatScene, options: &DrawOptions, progress: &dyn Progress) 
         ));
     }
     let size = options.size.map(|side| side * factor);
-    if u64::from(size[0]) * u64::from(size[1]) > RAYS_MAX {
+    let is_long = size.iter().any(|side| *side > SIDE_RAYS_MAX);
+    if is_long || u64::from(size[0]) * u64::from(size[1]) > RAYS_MAX {
         let what = format!("{} × {} rays are more than splats are drawn with", size[0], size[1]);
         return Err(Error::setting(what, "choose a smaller `size` or `supersample`"));
     }

@@ -24,8 +24,8 @@ pub(super) struct PlacedSplat {
     /// Number of the first plane that cuts it, times 4, and how many do.
     pub cuts: u32,
     /// Pixels that it may touch: first and last column and row.
-    pub columns: [u32; 2],
-    pub rows: [u32; 2],
+    pub columns: [u16; 2],
+    pub rows: [u16; 2],
 }
 
 /// Splats of some nodes with cells of one size.
@@ -62,7 +62,8 @@ impl PlacedSplats {
             reach,
             per_square: (1.0 / (radius * radius)) as f32,
             together: reach * TOGETHER * frame.per_unit,
-            splats: Vec::new(),
+            // Half of them face away.
+            splats: Vec::with_capacity(nodes.iter().map(|node| node.len).sum::<usize>() / 2),
             cuts: Vec::new(),
             tiles: TileLists::default(),
         };
@@ -84,8 +85,14 @@ impl PlacedSplats {
     fn add<S: Simd>(&mut self, simd: S, frame: &DrawFrame, node: &SceneNode) {
         let corner: [f32; 3] = frame.around(node.corner);
         for first in (0..node.len).step_by(LANES) {
-            let lanes = Lanes::new(simd, frame, node, corner, first);
-            let mut bits = lanes.facing;
+            let all = if node.len - first < LANES { (1 << (node.len - first)) - 1 } else { 0xff };
+            let normal = Lanes::normals(simd, node, first);
+            // Most that is not seen faces away, and eight do together.
+            if !frame.open && frame.parallel && Lanes::facing(simd, frame, normal) & all == 0 {
+                continue;
+            }
+            let lanes = Lanes::new(simd, node, normal, corner, first);
+            let mut bits = lanes.shown(simd, frame, node.cell as f32) & all;
             if bits == 0 {
                 continue;
             }
@@ -98,13 +105,24 @@ impl PlacedSplats {
             while bits != 0 {
                 let lane = bits.trailing_zeros() as usize;
                 bits &= bits - 1;
-                self.push(node, first + lane, [0, 1, 2].map(|a| centre[a][lane]), boxes.map(|end| end[lane] as u32));
+                self.push(
+                    node,
+                    first + lane,
+                    [0, 1, 2].map(|a| centre[a][lane]),
+                    boxes.map(|end| end[lane] as u16),
+                );
             }
         }
     }
 
     #[inline(always)]
-    fn push(&mut self, node: &SceneNode, splat: usize, centre: [f32; 3], [left, right, top, bottom]: [u32; 4]) {
+    fn push(
+        &mut self,
+        node: &SceneNode,
+        splat: usize,
+        centre: [f32; 3],
+        [left, right, top, bottom]: [u16; 4],
+    ) {
         let cell = node.cell as f32;
         let normal = [node.normals[0][splat], node.normals[1][splat], node.normals[2][splat]];
         let offset = node.offsets[splat] * cell;
@@ -135,8 +153,6 @@ struct Lanes<S: Simd> {
     /// Middles of cells.
     middle: [f32x8<S>; 3],
     centre: [f32x8<S>; 3],
-    /// A bit for each that may be seen from its front, and of which the cell is not cut off.
-    facing: u64,
 }
 
 #[inline(always)]
@@ -146,10 +162,24 @@ fn dot<S: Simd>(simd: S, a: [f32; 3], b: [f32x8<S>; 3]) -> f32x8<S> {
 
 impl<S: Simd> Lanes<S> {
     #[inline(always)]
-    fn new(simd: S, frame: &DrawFrame, node: &SceneNode, corner: [f32; 3], first: usize) -> Lanes<S> {
+    fn normals(simd: S, node: &SceneNode, first: usize) -> [f32x8<S>; 3] {
+        let lanes = first..first + LANES;
+        [
+            f32x8::from_slice(simd, &node.normals[0][lanes.clone()]),
+            f32x8::from_slice(simd, &node.normals[1][lanes.clone()]),
+            f32x8::from_slice(simd, &node.normals[2][lanes]),
+        ]
+    }
+
+    /// Of parallel rays: a bit for each that faces the eye.
+    #[inline(always)]
+    fn facing(simd: S, frame: &DrawFrame, normal: [f32x8<S>; 3]) -> u64 {
+        dot(simd, frame.corner, normal).simd_le(f32x8::splat(simd, 0.0)).to_bitmask()
+    }
+
+    #[inline(always)]
+    fn new(simd: S, node: &SceneNode, normal: [f32x8<S>; 3], corner: [f32; 3], first: usize) -> Lanes<S> {
         let cell = node.cell as f32;
-        let of = |from: &Vec<f32>| f32x8::from_slice(simd, &from[first..first + LANES]);
-        let normal = [of(&node.normals[0]), of(&node.normals[1]), of(&node.normals[2])];
         let mut at = [[0.0f32; LANES]; 3];
         let places = &node.places[first..first + LANES];
         for lane in 0..LANES {
@@ -157,23 +187,20 @@ impl<S: Simd> Lanes<S> {
             at[1][lane] = f32::from(places[lane] >> 5 & 31);
             at[2][lane] = f32::from(places[lane] >> 10);
         }
-        let offset = of(&node.offsets) * f32x8::splat(simd, cell);
+        let offset = f32x8::from_slice(simd, &node.offsets[first..first + LANES]) * f32x8::splat(simd, cell);
         let half = f32x8::splat(simd, 0.5);
-        let mut middle = normal;
-        let mut centre = normal;
+        let (mut middle, mut centre) = (normal, normal);
         for a in 0..3 {
             middle[a] = (f32x8::from_slice(simd, &at[a]) + half) * f32x8::splat(simd, cell)
                 + f32x8::splat(simd, corner[a]);
             centre[a] = middle[a] + normal[a] * offset;
         }
-        let mut lanes = Lanes { normal, middle, centre, facing: 0 };
-        let all = if node.len - first < LANES { (1 << (node.len - first)) - 1 } else { 0xff };
-        lanes.facing = lanes.facing(simd, frame, cell) & all;
-        lanes
+        Lanes { normal, middle, centre }
     }
 
+    /// A bit for each that may be seen from its front; behind cuts, for each whose cell is not cut off.
     #[inline(always)]
-    fn facing(&self, simd: S, frame: &DrawFrame, cell: f32) -> u64 {
+    fn shown(&self, simd: S, frame: &DrawFrame, cell: f32) -> u64 {
         if frame.open {
             let reach = f32x8::splat(simd, CELL_REACH as f32 * cell);
             let mut bits = 0xff;
@@ -185,12 +212,12 @@ impl<S: Simd> Lanes<S> {
             return bits;
         }
         if frame.parallel {
-            return dot(simd, frame.corner, self.normal).simd_le(f32x8::splat(simd, 0.0)).to_bitmask();
+            return Lanes::facing(simd, frame, self.normal);
         }
         // With perspective the far edge of a disc may face the eye while its centre does not.
         let mut along = f32x8::splat(simd, 0.0);
         for a in 0..3 {
-            along = along + (self.centre[a] - f32x8::splat(simd, frame.origin[a])) * self.normal[a];
+            along += (self.centre[a] - f32x8::splat(simd, frame.origin[a])) * self.normal[a];
         }
         along.simd_le(f32x8::splat(simd, HALF_DIAGONAL as f32 * cell)).to_bitmask()
     }
@@ -201,8 +228,8 @@ impl<S: Simd> Lanes<S> {
         let radius = HALF_DIAGONAL as f32 * cell;
         let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
         let mut from = self.centre;
-        for a in 0..3 {
-            from[a] = from[a] - f32x8::splat(simd, frame.origin[a]);
+        for (along, origin) in from.iter_mut().zip(frame.origin) {
+            *along -= f32x8::splat(simd, origin);
         }
         let mut bits = 0xff;
         let mut scale = f32x8::splat(simd, frame.per_pixel);
@@ -225,8 +252,8 @@ impl<S: Simd> Lanes<S> {
                 let share = (one - cosine * cosine).max(zero).sqrt();
                 let extent = share * scale * f32x8::splat(simd, radius) + slack;
                 let mut to_middle = self.middle;
-                for a in 0..3 {
-                    to_middle[a] = to_middle[a] - self.centre[a];
+                for (along, centre) in to_middle.iter_mut().zip(self.centre) {
+                    *along -= centre;
                 }
                 let middle = at + dot(simd, axis, to_middle) * scale;
                 let of_cell = reach * (axis[0].abs() + axis[1].abs() + axis[2].abs());
@@ -247,16 +274,19 @@ impl<S: Simd> Lanes<S> {
     }
 }
 
+/// First and last columns and rows of tiles that a splat may touch.
+#[inline(always)]
+fn tiles_of(splat: &PlacedSplat) -> [u32; 4] {
+    let [left, right] = splat.columns.map(|column| u32::from(column) / TILE_COLUMNS as u32);
+    let [top, bottom] = splat.rows.map(|row| u32::from(row) / TILE_ROWS as u32);
+    [left, right, top, bottom]
+}
+
 impl TileLists {
     fn new(splats: &[PlacedSplat]) -> TileLists {
-        let tiles = |splat: &PlacedSplat| {
-            let [left, right] = splat.columns.map(|c| c / TILE_COLUMNS as u32);
-            let [top, bottom] = splat.rows.map(|row| row / TILE_ROWS as u32);
-            [left, right, top, bottom]
-        };
         let (mut first, mut last) = ([u32::MAX; 2], [0; 2]);
         for splat in splats {
-            let [left, right, top, bottom] = tiles(splat);
+            let [left, right, top, bottom] = tiles_of(splat);
             first = [first[0].min(left), first[1].min(top)];
             last = [last[0].max(right), last[1].max(bottom)];
         }
@@ -264,14 +294,23 @@ impl TileLists {
             return TileLists::default();
         }
         let count = [last[0] - first[0] + 1, last[1] - first[1] + 1];
-        let number = |column: u32, row: u32| ((row - first[1]) * count[0] + column - first[0]) as usize;
         let mut starts = vec![0u32; (count[0] * count[1]) as usize + 2];
+        let tiles = |splat: &PlacedSplat, each: &mut dyn FnMut(usize)| {
+            let [left, right, top, bottom] = tiles_of(splat);
+            for row in top..bottom + 1 {
+                let row = (row - first[1]) * count[0];
+                (left..right + 1).for_each(|column| each((row + column - first[0]) as usize));
+            }
+        };
+        // Most splats are in one tile.
+        let only = |splat: &PlacedSplat| {
+            let [left, right, top, bottom] = tiles_of(splat);
+            (left == right && top == bottom).then(|| ((top - first[1]) * count[0] + left - first[0]) as usize)
+        };
         for splat in splats {
-            let [left, right, top, bottom] = tiles(splat);
-            for row in top..=bottom {
-                for column in left..=right {
-                    starts[number(column, row) + 2] += 1;
-                }
+            match only(splat) {
+                Some(tile) => starts[tile + 2] += 1,
+                None => tiles(splat, &mut |tile| starts[tile + 2] += 1),
             }
         }
         for n in 2..starts.len() {
@@ -279,13 +318,13 @@ impl TileLists {
         }
         let mut numbers = vec![0; starts[starts.len() - 1] as usize];
         for (n, splat) in splats.iter().enumerate() {
-            let [left, right, top, bottom] = tiles(splat);
-            for row in top..=bottom {
-                for column in left..=right {
-                    let next = &mut starts[number(column, row) + 1];
-                    numbers[*next as usize] = n as u32;
-                    *next += 1;
-                }
+            let mut add = |tile: usize| {
+                numbers[starts[tile + 1] as usize] = n as u32;
+                starts[tile + 1] += 1;
+            };
+            match only(splat) {
+                Some(tile) => add(tile),
+                None => tiles(splat, &mut add),
             }
         }
         TileLists { first, count, starts, numbers }

@@ -16,6 +16,8 @@ const TILE: usize = TILE_COLUMNS * TILE_ROWS;
 /// Pixels that are tested together: two rows of four, which a small splat seldom leaves.
 const BLOCK_COLUMNS: usize = 4;
 const BLOCK_ROWS: usize = 2;
+/// Room for parts at first.
+const PARTS: usize = 8192;
 const LANE_COLUMNS: [f32; 8] = [0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0];
 const LANE_ROWS: [f32; 8] = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0];
 
@@ -42,7 +44,7 @@ pub(super) fn shade(
                     dispatch!(level(), simd => tile.collect(simd, placed, numbers));
                 }
             }
-            if !tile.parts.is_empty() {
+            if tile.used > 0 {
                 tile.blend();
                 tile.light(&light, pixels);
             }
@@ -54,7 +56,7 @@ pub(super) fn shade(
 }
 
 /// What a splat has in a pixel.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Part {
     pixel: u32,
     /// How far along the ray.
@@ -72,8 +74,9 @@ struct Tile<'a> {
     depth: Vec<f32>,
     /// Sum of normals by weight.
     normals: Vec<[f32; 3]>,
-    /// In the order of splats.
+    /// In the order of splats; behind those in use is room.
     parts: Vec<Part>,
+    used: usize,
     /// Ends of parts, and how far behind the nearest they count.
     groups: Vec<(usize, f32)>,
 }
@@ -84,14 +87,14 @@ type Linear = [f32; 3];
 impl Tile<'_> {
     fn new(frame: &DrawFrame) -> Tile<'_> {
         let (depth, normals) = (vec![0.0; TILE], vec![[0.0; 3]; TILE]);
-        Tile { frame, first: [0; 2], depth, normals, parts: Vec::new(), groups: Vec::new() }
+        Tile { frame, first: [0; 2], depth, normals, parts: Vec::new(), used: 0, groups: Vec::new() }
     }
 
     fn begin(&mut self, tile: [usize; 2]) {
         self.first = [tile[0] * TILE_COLUMNS, tile[1] * TILE_ROWS];
         self.depth.fill(f32::INFINITY);
         self.normals.fill([0.0; 3]);
-        self.parts.clear();
+        self.used = 0;
         self.groups.clear();
     }
 
@@ -101,9 +104,9 @@ impl Tile<'_> {
         for &number in numbers {
             let splat = &placed.splats[number as usize];
             let last = [self.first[0] + TILE_COLUMNS - 1, self.first[1] + TILE_ROWS - 1];
-            let columns = [splat.columns[0].max(self.first[0] as u32), splat.columns[1].min(last[0] as u32)];
-            let rows = [splat.rows[0].max(self.first[1] as u32), splat.rows[1].min(last[1] as u32)];
-            let (columns, rows) = (columns.map(|c| c as usize), rows.map(|row| row as usize));
+            let (columns, rows) = (splat.columns.map(usize::from), splat.rows.map(usize::from));
+            let columns = [columns[0].max(self.first[0]), columns[1].min(last[0])];
+            let rows = [rows[0].max(self.first[1]), rows[1].min(last[1])];
             if self.frame.parallel {
                 let plane = ParallelPlane::new(self.frame, splat, columns[0], rows[0]);
                 self.fill(simd, placed, splat, (columns, rows), plane);
@@ -112,7 +115,7 @@ impl Tile<'_> {
                 self.fill(simd, placed, splat, (columns, rows), plane);
             }
         }
-        self.groups.push((self.parts.len(), placed.together));
+        self.groups.push((self.used, placed.together));
     }
 
     #[inline(always)]
@@ -131,8 +134,8 @@ impl Tile<'_> {
                 let left = columns[1] + 1 - column;
                 let in_row = if left < BLOCK_COLUMNS { (1 << left) - 1 } else { 0xf };
                 let wanted = if row == rows[1] { in_row } else { in_row | in_row << BLOCK_COLUMNS };
-                let x = f32x8::from_slice(simd, &LANE_COLUMNS)
-                    + f32x8::splat(simd, (column - columns[0]) as f32);
+                let x =
+                    f32x8::from_slice(simd, &LANE_COLUMNS) + f32x8::splat(simd, (column - columns[0]) as f32);
                 let y = f32x8::from_slice(simd, &LANE_ROWS) + f32x8::splat(simd, (row - rows[0]) as f32);
                 let (t, q) = plane.meet(simd, self.frame, x, y);
                 let (bits, weight) = covers(simd, self.frame, placed, splat, t, q);
@@ -156,18 +159,23 @@ impl Tile<'_> {
         normal: [f32; 3],
         together: f32,
     ) {
+        if self.parts.len() < self.used + 8 {
+            self.parts.resize((2 * self.used).max(PARTS), Part::default());
+        }
+        let parts = &mut self.parts[self.used..self.used + 8];
+        let mut used = 0;
         while bits != 0 {
             let lane = bits.trailing_zeros() as usize;
             bits &= bits - 1;
             let pixel = at + lane / BLOCK_COLUMNS * TILE_COLUMNS + lane % BLOCK_COLUMNS;
             let (along, depth) = (along[lane], &mut self.depth[pixel]);
-            // What is too far behind already stays so.
-            if along <= *depth + together {
-                *depth = depth.min(along);
-                let normal = normal.map(|c| c * weight[lane]);
-                self.parts.push(Part { pixel: pixel as u32, along, normal });
-            }
+            let normal = [normal[0] * weight[lane], normal[1] * weight[lane], normal[2] * weight[lane]];
+            parts[used & 7] = Part { pixel: pixel as u32, along, normal };
+            // What is too far behind already stays so. No branch: a processor could not foresee it.
+            used += usize::from(along <= *depth + together);
+            *depth = if along < *depth { along } else { *depth };
         }
+        self.used += used;
     }
 
     /// Adds up what lies with the nearest.
@@ -215,7 +223,8 @@ impl Tile<'_> {
 /// Where rays meet a splat's plane.
 trait Plane: Copy {
     /// How far along the rays through pixels, by columns and rows from the first; and the places from the splat's centre.
-    fn meet<S: Simd>(self, simd: S, frame: &DrawFrame, x: f32x8<S>, y: f32x8<S>) -> (f32x8<S>, [f32x8<S>; 3]);
+    fn meet<S: Simd>(self, simd: S, frame: &DrawFrame, x: f32x8<S>, y: f32x8<S>)
+    -> (f32x8<S>, [f32x8<S>; 3]);
 }
 
 #[inline(always)]
@@ -292,12 +301,18 @@ impl PerspectivePlane {
 
 impl Plane for PerspectivePlane {
     #[inline(always)]
-    fn meet<S: Simd>(self, simd: S, frame: &DrawFrame, x: f32x8<S>, y: f32x8<S>) -> (f32x8<S>, [f32x8<S>; 3]) {
+    fn meet<S: Simd>(
+        self,
+        simd: S,
+        frame: &DrawFrame,
+        x: f32x8<S>,
+        y: f32x8<S>,
+    ) -> (f32x8<S>, [f32x8<S>; 3]) {
         let along = f32x8::splat(simd, self.before) / linear(simd, self.slope, x, y);
         let mut place = [along; 3];
-        for a in 0..3 {
+        for (a, place) in place.iter_mut().enumerate() {
             let ray = linear(simd, [self.ray[a], frame.steps[0][a], frame.steps[1][a]], x, y);
-            place[a] = ray * along - f32x8::splat(simd, self.to[a]);
+            *place = ray * along - f32x8::splat(simd, self.to[a]);
         }
         (along, place)
     }
@@ -317,17 +332,19 @@ fn covers<S: Simd>(
     let share = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]) * f32x8::splat(simd, placed.per_square);
     let reach = f32x8::splat(simd, placed.reach);
     let mut is_in = share.simd_le(one) & along.simd_gt(f32x8::splat(simd, 0.0));
-    for a in 0..3 {
-        is_in = is_in & (q[a] + f32x8::splat(simd, splat.normal[a] * splat.offset)).abs().simd_le(reach);
+    for (a, q) in q.iter().enumerate() {
+        is_in &= (*q + f32x8::splat(simd, splat.normal[a] * splat.offset)).abs().simd_le(reach);
     }
     let from = (splat.cuts >> 2) as usize;
     for (n, d) in &placed.cuts[from..from + (splat.cuts & 3) as usize] {
-        let before = q[0] * f32x8::splat(simd, n[0]) + q[1] * f32x8::splat(simd, n[1]) + q[2] * f32x8::splat(simd, n[2]);
-        is_in = is_in & before.simd_le(f32x8::splat(simd, *d));
+        let before = q[0] * f32x8::splat(simd, n[0])
+            + q[1] * f32x8::splat(simd, n[1])
+            + q[2] * f32x8::splat(simd, n[2]);
+        is_in &= before.simd_le(f32x8::splat(simd, *d));
     }
     if frame.open {
-        for a in 0..3 {
-            let p = q[a] + f32x8::splat(simd, splat.centre[a]);
+        for (a, q) in q.iter().enumerate() {
+            let p = *q + f32x8::splat(simd, splat.centre[a]);
             is_in = is_in
                 & p.simd_ge(f32x8::splat(simd, frame.corners[0][a]))
                 & p.simd_le(f32x8::splat(simd, frame.corners[1][a]));

@@ -38,17 +38,15 @@ impl SplatScene {
     /// # Errors
     /// If a temporary file cannot be read.
     pub fn of_levels(levels: &SplatLevels, level: Option<u8>) -> Result<SplatScene> {
-        let make = |corner, cell, cells: &mut dyn Iterator<Item = CellPlanes>| {
-            SceneNode::new(corner, cell, cells)
-        };
+        let make =
+            |corner, cell, cells: &mut dyn Iterator<Item = CellPlanes>| SceneNode::new(corner, cell, cells);
         planes_of_levels(levels, level, make).map(SplatScene::new)
     }
 
     /// The same of a file.
     pub fn of_tree(tree: &SplatTree, level: Option<u8>) -> SplatScene {
-        let make = |corner, cell, cells: &mut dyn Iterator<Item = CellPlanes>| {
-            SceneNode::new(corner, cell, cells)
-        };
+        let make =
+            |corner, cell, cells: &mut dyn Iterator<Item = CellPlanes>| SceneNode::new(corner, cell, cells);
         SplatScene::new(planes_of_tree(tree, level, make))
     }
 
@@ -70,12 +68,9 @@ impl SplatScene {
 }
 
 impl SceneNode {
-    pub fn new(
-        corner: [f64; 3],
-        cell: f64,
-        cells: &mut dyn Iterator<Item = CellPlanes>,
-    ) -> SceneNode {
-        let (normals, offsets, places, cuts) = ([const { Vec::new() }; 3], Vec::new(), Vec::new(), Vec::new());
+    pub fn new(corner: [f64; 3], cell: f64, cells: &mut dyn Iterator<Item = CellPlanes>) -> SceneNode {
+        let (normals, offsets, places, cuts) =
+            ([const { Vec::new() }; 3], Vec::new(), Vec::new(), Vec::new());
         let mut node = SceneNode { corner, cell, len: 0, normals, offsets, places, cuts };
         cells.for_each(|CellPlanes { cell, planes }| node.add(&cell, &planes));
         node.len = node.offsets.len();

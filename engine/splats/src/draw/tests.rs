@@ -100,5 +100,7 @@ fn what_cannot_be_drawn_is_refused() {
     bad.size = [60_000, 60_000];
     assert!(draw(&SplatScene::default(), &bad, &Silent).is_err());
     bad.size = [9, 9];
-    assert!(draw(&SplatScene::default(), &bad, &Silent).unwrap().pixels.iter().all(|pixel| *pixel == [255; 4]));
+    assert!(
+        draw(&SplatScene::default(), &bad, &Silent).unwrap().pixels.iter().all(|pixel| *pixel == [255; 4])
+    );
 }

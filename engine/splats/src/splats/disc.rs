@@ -50,9 +50,12 @@ pub(crate) fn planes_of_levels<T: Send>(
     let frame = Frame { origin: levels.root().to_world([1.0; 3]), edge: levels.root().edge, last };
     let one = |key: NodeKey, piece: &NodeCells<SplatInput>| {
         let hidden = |cell: &Cell| levels.is_pruned() && !is_reached(levels, key, cell);
-        frame.node(key, piece, hidden, plane_of_input).map(|(corner, size, mut cells)| make(corner, size, &mut cells))
+        frame
+            .node(key, piece, hidden, plane_of_input)
+            .map(|(corner, size, mut cells)| make(corner, size, &mut cells))
     };
-    let mut made: Vec<T> = levels.in_memory().par_iter().filter_map(|(key, piece)| one(*key, piece)).collect();
+    let mut made: Vec<T> =
+        levels.in_memory().par_iter().filter_map(|(key, piece)| one(*key, piece)).collect();
     levels.each_spilled(|key, piece| {
         made.extend(one(key, piece));
         Ok(())
@@ -70,7 +73,9 @@ pub(crate) fn planes_of_tree<T: Send>(
     let plane = |splat: &Splat| plane_of_splat(tree, splat);
     let one = |(key, piece): (&u64, &NodeCells<Splat>)| {
         let key = NodeKey::from_code(*key)?;
-        frame.node(key, piece, |_| false, plane).map(|(corner, size, mut cells)| make(corner, size, &mut cells))
+        frame
+            .node(key, piece, |_| false, plane)
+            .map(|(corner, size, mut cells)| make(corner, size, &mut cells))
     };
     tree.pieces().par_iter().filter_map(one).collect()
 }
@@ -178,7 +183,12 @@ impl Frame {
 }
 
 /// The splats of a cell in the world.
-fn discs_of(corner: [f64; 3], size: f64, CellPlanes { cell, planes }: &CellPlanes, each: &mut impl FnMut(Disc)) {
+fn discs_of(
+    corner: [f64; 3],
+    size: f64,
+    CellPlanes { cell, planes }: &CellPlanes,
+    each: &mut impl FnMut(Disc),
+) {
     let cell_centre: [f64; 3] = std::array::from_fn(|a| corner[a] + (f64::from(cell.at[a]) + 0.5) * size);
     for (n, (normal, offset)) in planes.iter().take(usize::from(cell.count)).enumerate() {
         let centre = std::array::from_fn(|a| cell_centre[a] + normal[a] * offset * size);

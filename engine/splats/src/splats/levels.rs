@@ -200,7 +200,11 @@ struct Merging {
 
 impl Merging {
     /// A node from its eight children, and the children as they are written where they are not too deep.
-    fn merged(self, key: NodeKey, children: &[OpenNode]) -> (OpenNode, Vec<(NodeKey, NodeCells<SplatInput>)>) {
+    fn merged(
+        self,
+        key: NodeKey,
+        children: &[OpenNode],
+    ) -> (OpenNode, Vec<(NodeKey, NodeCells<SplatInput>)>) {
         let is_above = key.level() < self.deepest;
         let faces = match is_above && self.finest_only {
             true => Vec::new(),
