@@ -104,3 +104,75 @@ fn what_cannot_be_drawn_is_refused() {
         draw(&SplatScene::default(), &bad, &Silent).unwrap().pixels.iter().all(|pixel| *pixel == [255; 4])
     );
 }
+
+/// A picture pixel by pixel, each against every splat: lengths of 64 bits, no boxes, no tiles.
+fn pixel_by_pixel(scene: &SplatScene, options: &DrawOptions) -> Vec<Option<[f64; 3]>> {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let screen = options.view.screen(options.focus, left_of(options), options.size).unwrap();
+    let pixel = |n: u32| {
+        let at = [n % options.size[0], n / options.size[0]].map(|c| f64::from(c) + 0.5);
+        let over: [f64; 3] = std::array::from_fn(|a| screen.steps[0][a] * at[0] + screen.steps[1][a] * at[1]);
+        let add = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| p[a] + over[a]) };
+        let (from, along) = match screen.parallel {
+            true => (add(screen.origin), screen.corner),
+            false => (screen.origin, add(screen.corner)),
+        };
+        let mut met = Vec::new();
+        for node in &scene.nodes {
+            let normal: [f64; 3] = std::array::from_fn(|a| f64::from(node.normals[a][0]));
+            let middle = node.corner.map(|c| c + node.cell / 2.0);
+            let off = f64::from(node.offsets[0]) * node.cell;
+            let centre: [f64; 3] = std::array::from_fn(|a| middle[a] + normal[a] * off);
+            let t = dot(normal, std::array::from_fn(|a| centre[a] - from[a])) / dot(normal, along);
+            let p: [f64; 3] = std::array::from_fn(|a| from[a] + along[a] * t);
+            let q: [f64; 3] = std::array::from_fn(|a| p[a] - centre[a]);
+            let share = dot(q, q) / (0.75 * node.cell * node.cell);
+            let is_in = (0..3).all(|a| (p[a] - middle[a]).abs() <= 0.65 * node.cell);
+            let is_kept = options.cuts.iter().all(|cut| (p[cut.axis.index()] <= cut.at) == cut.above);
+            // With perspective the far edge of a disc may face the eye while its centre does not.
+            let to_centre: [f64; 3] = std::array::from_fn(|a| centre[a] - screen.origin[a]);
+            let is_front = match screen.parallel {
+                _ if !options.cuts.is_empty() => true,
+                true => dot(normal, along) <= 0.0,
+                false => dot(normal, to_centre) <= 0.75f64.sqrt() * node.cell,
+            };
+            if t > 0.0 && share <= 1.0 && is_in && is_kept && is_front {
+                met.push((t, normal, (1.0 - share).powi(2) + 1e-4));
+            }
+        }
+        let together = 0.65 * 1.1 * scene.nodes[0].cell / if screen.parallel { 1.0 } else { screen.distance };
+        let nearest = met.iter().map(|part| part.0).reduce(f64::min)?;
+        met.retain(|part| part.0 <= nearest + together);
+        Some(std::array::from_fn(|a| met.iter().map(|(_, n, weight)| n[a] * weight).sum()))
+    };
+    (0..options.size[0] * options.size[1]).map(pixel).collect()
+}
+
+#[test]
+fn pictures_are_those_of_every_splat_in_every_pixel() {
+    let cut = CutPlane { axis: crate::lattice::Axis::X, at: 0.35, above: true };
+    for (opening, cell, cuts) in
+        [(0.0, 0.3, vec![]), (40.0, 0.3, vec![]), (0.0, 0.12, vec![cut]), (40.0, 0.12, vec![cut])]
+    {
+        let scene = ball(cell);
+        let options = DrawOptions { cuts, size: [90, 70], ..options(opening) };
+        let picture = draw(&scene, &options, &Silent).unwrap();
+        let light = light::SplatLight::new(options.view.axes());
+        let (mut others, mut covered) = (0, 0);
+        for (n, expected) in pixel_by_pixel(&scene, &options).into_iter().enumerate() {
+            let pixel = picture.pixels[n];
+            covered += usize::from(expected.is_some());
+            // What is lit from behind has another colour: the sign is the picture's own.
+            let is_alike = expected.map_or(pixel == [255; 4], |normal| {
+                let normal = light::unit(normal.map(|c| c as f32));
+                [(normal, false), (normal.map(|c| -c), true)].into_iter().any(|(normal, within)| {
+                    let colour = light.colour(normal, within);
+                    (0..3).all(|a| colour[a].abs_diff(pixel[a]) <= 1)
+                })
+            });
+            others += usize::from(!is_alike);
+        }
+        // Edges of splats are where rounding tells.
+        assert!(covered > 1200 && others <= 8, "{others} of {covered}, {opening}, {cell}");
+    }
+}
