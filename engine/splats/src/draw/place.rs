@@ -86,12 +86,12 @@ impl PlacedSplats {
         let corner: [f32; 3] = frame.around(node.corner);
         for first in (0..node.len).step_by(LANES) {
             let all = if node.len - first < LANES { (1 << (node.len - first)) - 1 } else { 0xff };
-            let normal = Lanes::normals(simd, node, first);
+            let normal = SplatLanes::normals(simd, node, first);
             // Most that is not seen faces away, and eight do together.
-            if !frame.open && frame.parallel && Lanes::facing(simd, frame, normal) & all == 0 {
+            if !frame.open && frame.parallel && SplatLanes::facing(simd, frame, normal) & all == 0 {
                 continue;
             }
-            let lanes = Lanes::new(simd, node, normal, corner, first);
+            let lanes = SplatLanes::new(simd, node, normal, corner, first);
             let mut bits = lanes.shown(simd, frame, node.cell as f32) & all;
             if bits == 0 {
                 continue;
@@ -148,7 +148,7 @@ impl PlacedSplats {
 }
 
 /// Eight splats of a node.
-struct Lanes<S: Simd> {
+struct SplatLanes<S: Simd> {
     normal: [f32x8<S>; 3],
     /// Middles of cells.
     middle: [f32x8<S>; 3],
@@ -160,7 +160,7 @@ fn dot<S: Simd>(simd: S, a: [f32; 3], b: [f32x8<S>; 3]) -> f32x8<S> {
     b[0] * f32x8::splat(simd, a[0]) + b[1] * f32x8::splat(simd, a[1]) + b[2] * f32x8::splat(simd, a[2])
 }
 
-impl<S: Simd> Lanes<S> {
+impl<S: Simd> SplatLanes<S> {
     #[inline(always)]
     fn normals(simd: S, node: &SceneNode, first: usize) -> [f32x8<S>; 3] {
         let lanes = first..first + LANES;
@@ -178,7 +178,13 @@ impl<S: Simd> Lanes<S> {
     }
 
     #[inline(always)]
-    fn new(simd: S, node: &SceneNode, normal: [f32x8<S>; 3], corner: [f32; 3], first: usize) -> Lanes<S> {
+    fn new(
+        simd: S,
+        node: &SceneNode,
+        normal: [f32x8<S>; 3],
+        corner: [f32; 3],
+        first: usize,
+    ) -> SplatLanes<S> {
         let cell = node.cell as f32;
         let mut at = [[0.0f32; LANES]; 3];
         let places = &node.places[first..first + LANES];
@@ -195,7 +201,7 @@ impl<S: Simd> Lanes<S> {
                 + f32x8::splat(simd, corner[a]);
             centre[a] = middle[a] + normal[a] * offset;
         }
-        Lanes { normal, middle, centre }
+        SplatLanes { normal, middle, centre }
     }
 
     /// A bit for each that may be seen from its front; behind cuts, for each whose cell is not cut off.
@@ -212,7 +218,7 @@ impl<S: Simd> Lanes<S> {
             return bits;
         }
         if frame.parallel {
-            return Lanes::facing(simd, frame, self.normal);
+            return SplatLanes::facing(simd, frame, self.normal);
         }
         // With perspective the far edge of a disc may face the eye while its centre does not.
         let mut along = f32x8::splat(simd, 0.0);

@@ -35,7 +35,7 @@ pub(super) fn shade(
     let mut pixels = vec![background; width * height];
     pixels.par_chunks_mut(width * TILE_ROWS).enumerate().try_for_each(|(row, pixels)| {
         progress.check()?;
-        let mut tile = Tile::new(frame);
+        let mut tile = DrawTile::new(frame);
         for column in 0..width.div_ceil(TILE_COLUMNS) {
             tile.begin([column, row]);
             for placed in placed {
@@ -57,7 +57,7 @@ pub(super) fn shade(
 
 /// What a splat has in a pixel.
 #[derive(Clone, Copy, Default)]
-struct Part {
+struct CoveredPixel {
     pixel: u32,
     /// How far along the ray.
     along: f32,
@@ -66,7 +66,7 @@ struct Part {
 }
 
 /// Pixels while they are drawn.
-struct Tile<'a> {
+struct DrawTile<'a> {
     frame: &'a DrawFrame,
     /// The first column and row.
     first: [usize; 2],
@@ -75,7 +75,7 @@ struct Tile<'a> {
     /// Sum of normals by weight.
     normals: Vec<[f32; 3]>,
     /// In the order of splats; behind those in use is room.
-    parts: Vec<Part>,
+    parts: Vec<CoveredPixel>,
     used: usize,
     /// Ends of parts, and how far behind the nearest they count.
     groups: Vec<(usize, f32)>,
@@ -84,10 +84,10 @@ struct Tile<'a> {
 /// A number that is linear in columns and rows: at a pixel, and its steps.
 type Linear = [f32; 3];
 
-impl Tile<'_> {
-    fn new(frame: &DrawFrame) -> Tile<'_> {
+impl DrawTile<'_> {
+    fn new(frame: &DrawFrame) -> DrawTile<'_> {
         let (depth, normals) = (vec![0.0; TILE], vec![[0.0; 3]; TILE]);
-        Tile { frame, first: [0; 2], depth, normals, parts: Vec::new(), used: 0, groups: Vec::new() }
+        DrawTile { frame, first: [0; 2], depth, normals, parts: Vec::new(), used: 0, groups: Vec::new() }
     }
 
     fn begin(&mut self, tile: [usize; 2]) {
@@ -125,7 +125,7 @@ impl Tile<'_> {
         placed: &PlacedSplats,
         splat: &PlacedSplat,
         (columns, rows): ([usize; 2], [usize; 2]),
-        plane: impl Plane,
+        plane: impl PlaneOfSplat,
     ) {
         let mut row = rows[0];
         while row <= rows[1] {
@@ -160,7 +160,7 @@ impl Tile<'_> {
         together: f32,
     ) {
         if self.parts.len() < self.used + 8 {
-            self.parts.resize((2 * self.used).max(PARTS), Part::default());
+            self.parts.resize((2 * self.used).max(PARTS), CoveredPixel::default());
         }
         let parts = &mut self.parts[self.used..self.used + 8];
         let mut used = 0;
@@ -170,7 +170,7 @@ impl Tile<'_> {
             let pixel = at + lane / BLOCK_COLUMNS * TILE_COLUMNS + lane % BLOCK_COLUMNS;
             let (along, depth) = (along[lane], &mut self.depth[pixel]);
             let normal = [normal[0] * weight[lane], normal[1] * weight[lane], normal[2] * weight[lane]];
-            parts[used & 7] = Part { pixel: pixel as u32, along, normal };
+            parts[used & 7] = CoveredPixel { pixel: pixel as u32, along, normal };
             // What is too far behind already stays so. No branch: a processor could not foresee it.
             used += usize::from(along <= *depth + together);
             *depth = if along < *depth { along } else { *depth };
@@ -221,7 +221,7 @@ impl Tile<'_> {
 }
 
 /// Where rays meet a splat's plane.
-trait Plane: Copy {
+trait PlaneOfSplat: Copy {
     /// How far along the rays through pixels, by columns and rows from the first; and the places from the splat's centre.
     fn meet<S: Simd>(self, simd: S, frame: &DrawFrame, x: f32x8<S>, y: f32x8<S>)
     -> (f32x8<S>, [f32x8<S>; 3]);
@@ -260,7 +260,7 @@ impl ParallelPlane {
     }
 }
 
-impl Plane for ParallelPlane {
+impl PlaneOfSplat for ParallelPlane {
     #[inline(always)]
     fn meet<S: Simd>(self, simd: S, _: &DrawFrame, x: f32x8<S>, y: f32x8<S>) -> (f32x8<S>, [f32x8<S>; 3]) {
         let place = [
@@ -299,7 +299,7 @@ impl PerspectivePlane {
     }
 }
 
-impl Plane for PerspectivePlane {
+impl PlaneOfSplat for PerspectivePlane {
     #[inline(always)]
     fn meet<S: Simd>(
         self,

@@ -30,11 +30,11 @@ pub struct Disc {
 pub(crate) struct CellPlanes {
     pub cell: Cell,
     /// Unit normals, and signed distances from the middle of the cell in cells; as many as the cell has splats.
-    pub planes: [Plane; SPLATS_MAX],
+    pub planes: [NormalAndOffset; SPLATS_MAX],
 }
 
 /// A unit normal and a signed distance.
-type Plane = ([f64; 3], f64);
+type NormalAndOffset = ([f64; 3], f64);
 
 /// Makes of each node that has splats of the finest picture, those of cells that are not divided, or of those of `level`, what
 /// `make` does: from its least corner, the side of its cells, and these.
@@ -108,13 +108,13 @@ pub fn discs_of_tree(tree: &SplatTree, level: Option<u8>, mut each: impl FnMut(D
     }
 }
 
-fn plane_of_input(splat: &SplatInput) -> Plane {
+fn plane_of_input(splat: &SplatInput) -> NormalAndOffset {
     let normal = super::cluster::unit(splat.normal.map(f64::from));
     let offset = (0..3).map(|a| normal[a] * f64::from(splat.mean[a])).sum::<f64>() / 4096.0;
     (normal, offset)
 }
 
-fn plane_of_splat(tree: &SplatTree, splat: &Splat) -> Plane {
+fn plane_of_splat(tree: &SplatTree, splat: &Splat) -> NormalAndOffset {
     let normal = super::cluster::unit(tree.directions().vector(splat.normal).map(f64::from));
     (normal, f64::from(splat.offset) / 16.0)
 }
@@ -160,7 +160,7 @@ impl Frame {
         key: NodeKey,
         piece: &'a NodeCells<S>,
         hidden: impl Fn(&Cell) -> bool + 'a,
-        plane: impl Fn(&S) -> Plane + 'a,
+        plane: impl Fn(&S) -> NormalAndOffset + 'a,
     ) -> Option<([f64; 3], f64, impl Iterator<Item = CellPlanes> + 'a)> {
         let level = key.level();
         if level > self.last {

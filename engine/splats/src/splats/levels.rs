@@ -67,7 +67,7 @@ impl SplatLevels {
         };
         let parts = super::cluster::PARTS as f64 / tree.root().unit();
         let tolerance = options.error.map_or(-1.0, |error| error * parts);
-        let merging = Merging { tolerance, deepest, finest_only: options.finest_only };
+        let merging = LevelMerging { tolerance, deepest, finest_only: options.finest_only };
         let make = |leaf: &Leaf<'_>| Ok(cells(leaf.key, leaf.brick));
         // Leaves are merged on all threads, what lies above them as it comes.
         let join = |keys: &[NodeKey], faces: Vec<Vec<CellClusters>>| {
@@ -92,7 +92,7 @@ impl SplatLevels {
     }
 
     /// Merges the last eight nodes as long as they are one node's children.
-    fn close(&mut self, open: &mut Vec<OpenNode>, merging: Merging) -> Result<()> {
+    fn close(&mut self, open: &mut Vec<OpenNode>, merging: LevelMerging) -> Result<()> {
         while let Some(last) = open.last()
             && last.key.octant().index() == 7
             && let Some(key) = last.key.parent()
@@ -192,13 +192,13 @@ impl SplatLevels {
 
 /// How nodes are made of their children.
 #[derive(Clone, Copy)]
-struct Merging {
+struct LevelMerging {
     tolerance: f64,
     deepest: u8,
     finest_only: bool,
 }
 
-impl Merging {
+impl LevelMerging {
     /// A node from its eight children, and the children as they are written where they are not too deep.
     fn merged(
         self,
