@@ -1,7 +1,11 @@
-//! The picture: where rays begin, what of the world is kept, axes.
+//! The picture: where rays begin, what of the world is kept, axes, tiles.
 
 use crate::lattice::{cross, dot};
 use crate::render::{CutPlane, Screen};
+
+/// Pixels of a tile: few enough to stay in the first cache with what they hold.
+pub(super) const TILE_COLUMNS: usize = 64;
+pub(super) const TILE_ROWS: usize = 16;
 
 /// The picture. Coordinates are those around the middle of what is seen.
 pub(super) struct DrawFrame {

@@ -1,7 +1,6 @@
 //! Splats to the pixels that they may touch: eight at a time, sorted by tile.
 
-use super::frame::DrawFrame;
-use super::raster::{TILE_COLUMNS, TILE_ROWS};
+use super::frame::{DrawFrame, TILE_COLUMNS, TILE_ROWS};
 use super::scene::{LANES, SceneNode};
 use crate::wide::{Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, level};
 

@@ -1,6 +1,6 @@
 //! Splats to pixels, tile by tile: the parts of splats that lie before or with the nearest, then their mean.
 
-use super::frame::DrawFrame;
+use super::frame::{DrawFrame, TILE_COLUMNS, TILE_ROWS};
 use super::light::{SplatLight, dot, unit};
 use super::place::{PlacedSplat, PlacedSplats};
 use crate::error::Result;
@@ -9,9 +9,6 @@ use crate::progress::Progress;
 use crate::wide::{Simd, SimdBase, SimdMask, dispatch, f32x8, level};
 use rayon::prelude::*;
 
-/// Pixels of a tile: few enough to stay in the first cache with what they hold.
-pub(super) const TILE_COLUMNS: usize = 64;
-pub(super) const TILE_ROWS: usize = 16;
 const TILE: usize = TILE_COLUMNS * TILE_ROWS;
 /// Pixels that are tested together: two rows of four, which a small splat seldom leaves.
 const BLOCK_COLUMNS: usize = 4;
