@@ -247,8 +247,8 @@ pub struct RenderArgs {
     /// folder
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
     pub turntable: Option<u32>,
-    /// Draw splats, as of a file that `splats` wrote, or of the store itself: faster and by the processor alone. --lod and
-    /// --level choose their size
+    /// Draw splats, as of a file that `splats` wrote, or of the store itself, by the processor alone. --lod and --level choose
+    /// their size
     #[arg(long, conflicts_with_all = ["preview", "turntable", "style", "backend", "device", "gpu_memory"])]
     pub splats: bool,
     /// What is shown: solid, boundary, overlap, what a file says, or what is found: voids, thickness, deviation,

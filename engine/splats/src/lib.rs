@@ -6,6 +6,6 @@ pub mod draw;
 pub mod splats;
 
 use brickfield_coding::{bsp, range};
-use brickfield_core::{error, lattice, part, progress, schedule};
+use brickfield_core::{error, lattice, part, progress, schedule, wide};
 use brickfield_octree::{brick, store};
 use brickfield_picture::{picture, render};

@@ -6,15 +6,15 @@ use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs};
 use brickfield_engine::Progress;
-use brickfield_engine::draw::{DrawOptions, draw, write_picture};
-use brickfield_engine::splats::{Disc, LevelsOptions, SplatLevels, discs_of_levels, discs_of_tree, read_bsp};
+use brickfield_engine::draw::{DrawOptions, SplatScene, draw, write_picture};
+use brickfield_engine::splats::{LevelsOptions, SplatLevels, read_bsp};
 use brickfield_engine::store::{AcceptedStores, BrickTree};
 use serde_json::json;
 use std::time::Instant;
 
 /// A part as splats.
 struct Part {
-    discs: Vec<Disc>,
+    scene: SplatScene,
     unit: String,
     bounds: [[f64; 3]; 2],
 }
@@ -41,14 +41,14 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         background,
     };
     let started = Instant::now();
-    let picture = draw(&part.discs, &options, &bars).map_err(Failure::from)?;
+    let picture = draw(&part.scene, &options, &bars).map_err(Failure::from)?;
     let seconds = started.elapsed().as_secs_f64();
     write_picture(&picture, background[3] == 255, &args.output)?;
     bars.clear();
     let ([width, height], drawn) = (picture.size, picture.drawn);
     if args.json {
         let output = args.output.display().to_string();
-        let splats = part.discs.len();
+        let splats = part.scene.len();
         return print_json(
             &json!({ "output": output, "size": [width, height], "splats": splats, "drawn": drawn, "seconds": seconds }),
         );
@@ -67,9 +67,8 @@ fn of_file(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failure> {
     let level = args
         .level
         .unwrap_or_else(|| deepest_seen(args, header.bounds, |level| header.cell(level), header.deepest));
-    let mut discs = Vec::new();
-    discs_of_tree(&tree, Some(level), |disc| discs.push(disc));
-    Ok(Part { discs, unit, bounds: header.bounds })
+    let scene = SplatScene::of_tree(&tree, Some(level));
+    Ok(Part { scene, unit, bounds: header.bounds })
 }
 
 fn of_brick_store(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failure> {
@@ -81,13 +80,11 @@ fn of_brick_store(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failur
     let bounds = [meta.bounds_min, meta.bounds_max];
     let cell = |level: u8| store.root().spacing(level);
     let level = args.level.unwrap_or_else(|| deepest_seen(args, bounds, cell, store.deepest_level()));
-    let options = LevelsOptions { level: Some(level), ..LevelsOptions::default() };
+    let options = LevelsOptions { level: Some(level), finest_only: true, ..LevelsOptions::default() };
     let levels =
         SplatLevels::new(&store, options, bars).map_err(|error| of_store(&store, "leaves", error))?;
-    let mut discs = Vec::new();
-    discs_of_levels(&levels, None, |disc| discs.push(disc))
-        .map_err(|error| of_store(&store, "leaves", error))?;
-    Ok(Part { discs, unit: meta.unit.clone(), bounds })
+    let scene = SplatScene::of_levels(&levels, None).map_err(|error| of_store(&store, "leaves", error))?;
+    Ok(Part { scene, unit: meta.unit.clone(), bounds })
 }
 
 /// The first level whose cells are smaller than `--lod` pixels wherever the part fits the picture; the deepest if there is none.

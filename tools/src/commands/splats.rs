@@ -74,7 +74,8 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
         None => None,
     };
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
-    let options = LevelsOptions { error, level: args.level, memory: Some((args.memory.0, folder)) };
+    let memory = Some((args.memory.0, folder));
+    let options = LevelsOptions { error, level: args.level, memory, ..LevelsOptions::default() };
     let levels =
         SplatLevels::new(&store, options, &bars).map_err(|error| of_store(&store, "leaves", error))?;
     let written = match kind {

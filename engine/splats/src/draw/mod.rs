@@ -3,21 +3,39 @@
 //! Three passes (Botsch 2004; Zwicker 2004): the nearest splat of each pixel, the mean normal of all splats that lie with it, light. A pixel's ray
 //! is cut with each splat's plane, so perspective is exact. A splat is what its plane shares with its disc, with its cell and a
 //! little beyond, and with what others leave of it. The picture has the same bytes for any number of threads.
+//!
+//! | file | owns |
+//! |---|---|
+//! | `scene` | splats as they wait to be drawn |
+//! | `frame` | the picture's rays and axes |
+//! | `place` | pixels that splats may touch, sorted by tile |
+//! | `raster` | tiles: coverage, the nearest, the mean |
+//! | `light` | colours |
 
-mod flat;
+mod frame;
 mod light;
+mod place;
 mod raster;
+mod scene;
 
 use crate::error::{Error, Result};
 use crate::picture::{Rgba, SIDE_MAX, mean, write_png};
 use crate::progress::Progress;
 use crate::render::{CutPlane, Focus, SUPERSAMPLE_MAX, View};
-use crate::splats::Disc;
-use flat::{Flat, FlatFrame};
+use frame::DrawFrame;
+use place::PlacedSplats;
+use rayon::prelude::*;
+use scene::SceneNode;
 use std::path::Path;
 
-/// Most rays of a picture: 32 bytes each are in memory.
+pub use scene::SplatScene;
+
+/// Splats that are placed in one piece, at least, where a level has so many.
+const PIECE: usize = 16_384;
+
+/// Most rays of a picture, and of one of its sides.
 const RAYS_MAX: u64 = 1 << 28;
+const SIDE_RAYS_MAX: u32 = 1 << 16;
 
 /// What to draw, and how.
 #[derive(Clone, Debug)]
@@ -44,7 +62,7 @@ pub struct SplatPicture {
     pub size: [u32; 2],
     /// Rows from the top.
     pub pixels: Vec<Rgba>,
-    /// Splats that were drawn, those that face away left out.
+    /// Splats that were drawn: those that face away or lie beside the picture are left out, hidden ones are not.
     pub drawn: u64,
 }
 
@@ -52,7 +70,7 @@ pub struct SplatPicture {
 ///
 /// # Errors
 /// [`Error::Setting`] if nothing can be seen so; [`Error::Interrupted`].
-pub fn draw(discs: &[Disc], options: &DrawOptions, progress: &dyn Progress) -> Result<SplatPicture> {
+pub fn draw(scene: &SplatScene, options: &DrawOptions, progress: &dyn Progress) -> Result<SplatPicture> {
     let factor = options.supersample.clamp(1, SUPERSAMPLE_MAX);
     if options.size.iter().any(|side| !(1..=SIDE_MAX).contains(side)) {
         return Err(Error::setting(
@@ -61,17 +79,43 @@ pub fn draw(discs: &[Disc], options: &DrawOptions, progress: &dyn Progress) -> R
         ));
     }
     let size = options.size.map(|side| side * factor);
-    if u64::from(size[0]) * u64::from(size[1]) > RAYS_MAX {
+    let is_long = size.iter().any(|side| *side > SIDE_RAYS_MAX);
+    if is_long || u64::from(size[0]) * u64::from(size[1]) > RAYS_MAX {
         let what = format!("{} × {} rays are more than splats are drawn with", size[0], size[1]);
         return Err(Error::setting(what, "choose a smaller `size` or `supersample`"));
     }
     let corners = left_of(options);
     let screen = options.view.screen(options.focus, corners, size)?;
-    let frame = FlatFrame::new(&screen, size, corners, &options.cuts);
-    let flats: Vec<Flat> = discs.iter().filter_map(|disc| frame.flat(disc)).collect();
-    let rays = raster::shade(&frame, &flats, options.view.axes(), options.background, progress)?;
+    let frame = DrawFrame::new(&screen, size, corners, &options.cuts);
+    let pieces = pieces(&scene.nodes);
+    progress.phase("placing splats", Some(pieces.len() as u64), "pieces");
+    let place = |nodes: &&[SceneNode]| {
+        progress.check()?;
+        let placed = PlacedSplats::new(&frame, nodes);
+        progress.advance(1);
+        Ok(placed)
+    };
+    let placed = pieces.par_iter().map(place).collect::<Result<Vec<PlacedSplats>>>()?;
+    let drawn = placed.iter().map(|placed| placed.splats.len() as u64).sum();
+    let rays = raster::shade(&frame, &placed, options.view.axes(), options.background, progress)?;
     let pixels = if factor == 1 { rays } else { averaged(&rays, size[0] as usize, factor as usize) };
-    Ok(SplatPicture { size: options.size, pixels, drawn: flats.len() as u64 })
+    Ok(SplatPicture { size: options.size, pixels, drawn })
+}
+
+/// Nodes that follow each other and have cells of one size, in pieces that do not depend on threads.
+fn pieces(nodes: &[SceneNode]) -> Vec<&[SceneNode]> {
+    let mut pieces = Vec::new();
+    for level in nodes.chunk_by(|a, b| a.cell == b.cell) {
+        let (mut from, mut splats) = (0, 0);
+        for (n, node) in level.iter().enumerate() {
+            splats += node.len;
+            if splats >= PIECE || n + 1 == level.len() {
+                pieces.push(&level[from..=n]);
+                (from, splats) = (n + 1, 0);
+            }
+        }
+    }
+    pieces
 }
 
 /// Writes a picture as PNG; it has its name only when it is complete.

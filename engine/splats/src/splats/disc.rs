@@ -1,9 +1,10 @@
 //! Splats in the world.
 
 use super::levels::SplatLevels;
-use crate::bsp::{Cell, Clip, NodeCells, SplatTree};
+use crate::bsp::{Cell, Clip, NodeCells, PAIRS, SPLATS_MAX, Splat, SplatInput, SplatTree};
 use crate::error::Result;
 use crate::lattice::NodeKey;
+use rayon::prelude::*;
 
 /// Half the diagonal of a cell: a disc of this radius covers what a plane and the cell share.
 const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
@@ -25,40 +26,97 @@ pub struct Disc {
     pub cuts: Vec<([f64; 3], f64)>,
 }
 
+/// A cell with the planes of its splats.
+pub(crate) struct CellPlanes {
+    pub cell: Cell,
+    /// Unit normals, and signed distances from the middle of the cell in cells; as many as the cell has splats.
+    pub planes: [NormalAndOffset; SPLATS_MAX],
+}
+
+/// A unit normal and a signed distance.
+type NormalAndOffset = ([f64; 3], f64);
+
+/// Makes of each node that has splats of the finest picture, those of cells that are not divided, or of those of `level`, what
+/// `make` does: from its least corner, the side of its cells, and these.
+///
+/// # Errors
+/// If a temporary file cannot be read.
+pub(crate) fn planes_of_levels<T: Send>(
+    levels: &SplatLevels,
+    level: Option<u8>,
+    make: impl Fn([f64; 3], f64, &mut dyn Iterator<Item = CellPlanes>) -> T + Sync,
+) -> Result<Vec<T>> {
+    let last = level.unwrap_or(levels.deepest()).min(levels.deepest());
+    let frame = Frame { origin: levels.root().to_world([1.0; 3]), edge: levels.root().edge, last };
+    let one = |key: NodeKey, piece: &NodeCells<SplatInput>| {
+        let hidden = |cell: &Cell| levels.is_pruned() && !is_reached(levels, key, cell);
+        frame
+            .node(key, piece, hidden, plane_of_input)
+            .map(|(corner, size, mut cells)| make(corner, size, &mut cells))
+    };
+    let mut made: Vec<T> =
+        levels.in_memory().par_iter().filter_map(|(key, piece)| one(*key, piece)).collect();
+    levels.each_spilled(|key, piece| {
+        made.extend(one(key, piece));
+        Ok(())
+    })?;
+    Ok(made)
+}
+
+/// The same of a file.
+pub(crate) fn planes_of_tree<T: Send>(
+    tree: &SplatTree,
+    level: Option<u8>,
+    make: impl Fn([f64; 3], f64, &mut dyn Iterator<Item = CellPlanes>) -> T + Sync,
+) -> Vec<T> {
+    let frame = Frame::of_tree(tree, level);
+    let plane = |splat: &Splat| plane_of_splat(tree, splat);
+    let one = |(key, piece): (&u64, &NodeCells<Splat>)| {
+        let key = NodeKey::from_code(*key)?;
+        frame
+            .node(key, piece, |_| false, plane)
+            .map(|(corner, size, mut cells)| make(corner, size, &mut cells))
+    };
+    tree.pieces().par_iter().filter_map(one).collect()
+}
+
 /// Calls `each` with the splats of the finest picture: those of cells that are not divided, or of `level`.
 ///
 /// # Errors
 /// If a temporary file cannot be read.
 pub fn discs_of_levels(levels: &SplatLevels, level: Option<u8>, mut each: impl FnMut(Disc)) -> Result<()> {
     let last = level.unwrap_or(levels.deepest()).min(levels.deepest());
-    let frame = Frame { origin: levels.root().to_world([1.0; 3]), edge: levels.root().edge };
+    let frame = Frame { origin: levels.root().to_world([1.0; 3]), edge: levels.root().edge, last };
     levels.each_node(|key, piece| {
-        let hidden = |cell: &Cell| !is_reached(levels, key, cell);
-        let plane = |cell: &Cell, n: usize| {
-            let wanted = piece.of(cell)[n];
-            let normal = super::cluster::unit(wanted.normal.map(f64::from));
-            let offset = (0..3).map(|a| normal[a] * f64::from(wanted.mean[a])).sum::<f64>() / 4096.0;
-            (normal, offset)
-        };
-        frame.node(key, last, piece, hidden, plane, &mut each);
+        let hidden = |cell: &Cell| levels.is_pruned() && !is_reached(levels, key, cell);
+        if let Some((corner, size, cells)) = frame.node(key, piece, hidden, plane_of_input) {
+            cells.for_each(|cell| discs_of(corner, size, &cell, &mut each));
+        }
         Ok(())
     })
 }
 
 /// The same of a file.
 pub fn discs_of_tree(tree: &SplatTree, level: Option<u8>, mut each: impl FnMut(Disc)) {
-    let header = tree.header();
-    let last = level.unwrap_or(header.deepest).min(header.deepest);
-    let frame = Frame { origin: header.origin, edge: header.edge };
+    let frame = Frame::of_tree(tree, level);
     for (&key, piece) in tree.pieces() {
         let Some(key) = NodeKey::from_code(key) else { continue };
-        let plane = |cell: &Cell, n: usize| {
-            let splat = piece.of(cell)[n];
-            let normal = super::cluster::unit(tree.directions().vector(splat.normal).map(f64::from));
-            (normal, f64::from(splat.offset) / 16.0)
-        };
-        frame.node(key, last, piece, |_| false, plane, &mut each);
+        let plane = |splat: &Splat| plane_of_splat(tree, splat);
+        if let Some((corner, size, cells)) = frame.node(key, piece, |_| false, plane) {
+            cells.for_each(|cell| discs_of(corner, size, &cell, &mut each));
+        }
     }
+}
+
+fn plane_of_input(splat: &SplatInput) -> NormalAndOffset {
+    let normal = super::cluster::unit(splat.normal.map(f64::from));
+    let offset = (0..3).map(|a| normal[a] * f64::from(splat.mean[a])).sum::<f64>() / 4096.0;
+    (normal, offset)
+}
+
+fn plane_of_splat(tree: &SplatTree, splat: &Splat) -> NormalAndOffset {
+    let normal = super::cluster::unit(tree.directions().vector(splat.normal).map(f64::from));
+    (normal, f64::from(splat.offset) / 16.0)
 }
 
 /// Whether all that a cell is part of is divided.
@@ -85,54 +143,68 @@ fn is_reached(levels: &SplatLevels, key: NodeKey, cell: &Cell) -> bool {
 struct Frame {
     origin: [f64; 3],
     edge: f64,
+    /// The deepest level that is wanted.
+    last: u8,
 }
 
 impl Frame {
-    fn node<S: Copy>(
+    fn of_tree(tree: &SplatTree, level: Option<u8>) -> Frame {
+        let header = tree.header();
+        let last = level.unwrap_or(header.deepest).min(header.deepest);
+        Frame { origin: header.origin, edge: header.edge, last }
+    }
+
+    /// The least corner of a node, the side of its cells, and those of the picture; none below the last level.
+    fn node<'a, S: Copy>(
         &self,
         key: NodeKey,
-        last: u8,
-        piece: &NodeCells<S>,
-        hidden: impl Fn(&Cell) -> bool,
-        plane: impl Fn(&Cell, usize) -> ([f64; 3], f64),
-        each: &mut impl FnMut(Disc),
-    ) {
+        piece: &'a NodeCells<S>,
+        hidden: impl Fn(&Cell) -> bool + 'a,
+        plane: impl Fn(&S) -> NormalAndOffset + 'a,
+    ) -> Option<([f64; 3], f64, impl Iterator<Item = CellPlanes> + 'a)> {
         let level = key.level();
-        if level > last {
-            return;
+        if level > self.last {
+            return None;
         }
-        let cell_size = self.edge / f64::from(32u32 << level);
+        let size = self.edge / f64::from(32u32 << level);
         let first = key.first_sample();
-        for cell in piece.cells.iter().filter(|cell| (level == last || !cell.divided) && !hidden(cell)) {
-            let cell_centre: [f64; 3] = std::array::from_fn(|a| {
-                self.origin[a] + (f64::from(first[a]) + f64::from(cell.at[a]) + 0.5) * cell_size
-            });
-            let planes: Vec<_> = (0..usize::from(cell.count)).map(|n| plane(cell, n)).collect();
-            for (n, (normal, offset)) in planes.iter().enumerate() {
-                let centre = std::array::from_fn(|a| cell_centre[a] + normal[a] * offset * cell_size);
-                let mut cuts = Vec::new();
-                for (pair, [a, b]) in
-                    crate::bsp::PAIRS.into_iter().enumerate().filter(|(_, p)| p.contains(&n))
-                {
-                    let other = if a == n { b } else { a };
-                    let sign = match cell.clip(pair) {
-                        Clip::None => continue,
-                        Clip::Convex => 1.0,
-                        Clip::Concave => -1.0,
-                    };
-                    let (m, along) = planes[other];
-                    let to_centre = (0..3).map(|a| m[a] * cell_centre[a]).sum::<f64>();
-                    cuts.push((m.map(|c| c * sign), (to_centre + along * cell_size) * sign));
-                }
-                each(Disc {
-                    centre,
-                    normal: *normal,
-                    radius: HALF_DIAGONAL * cell_size,
-                    cell_centre,
-                    cell: cell_size,
-                    cuts,
-                });
+        let corner = std::array::from_fn(|a| self.origin[a] + f64::from(first[a]) * size);
+        let is_last = level == self.last;
+        let cells = piece.cells.iter().filter(move |cell| (is_last || !cell.divided) && !hidden(cell));
+        let cells = cells.map(move |cell| {
+            let mut planes = [([0.0; 3], 0.0); SPLATS_MAX];
+            for (to, splat) in planes.iter_mut().zip(piece.of(cell)) {
+                *to = plane(splat);
             }
+            CellPlanes { cell: *cell, planes }
+        });
+        Some((corner, size, cells))
+    }
+}
+
+/// The splats of a cell in the world.
+fn discs_of(
+    corner: [f64; 3],
+    size: f64,
+    CellPlanes { cell, planes }: &CellPlanes,
+    each: &mut impl FnMut(Disc),
+) {
+    let cell_centre: [f64; 3] = std::array::from_fn(|a| corner[a] + (f64::from(cell.at[a]) + 0.5) * size);
+    for (n, (normal, offset)) in planes.iter().take(usize::from(cell.count)).enumerate() {
+        let centre = std::array::from_fn(|a| cell_centre[a] + normal[a] * offset * size);
+        let mut cuts = Vec::new();
+        for (pair, [a, b]) in PAIRS.into_iter().enumerate().filter(|(_, p)| p.contains(&n)) {
+            let other = if a == n { b } else { a };
+            let sign = match cell.clip(pair) {
+                Clip::None => continue,
+                Clip::Convex => 1.0,
+                Clip::Concave => -1.0,
+            };
+            let (m, along) = planes[other];
+            let to_centre = (0..3).map(|a| m[a] * cell_centre[a]).sum::<f64>();
+            cuts.push((m.map(|c| c * sign), (to_centre + along * size) * sign));
         }
+        let radius = HALF_DIAGONAL * size;
+        each(Disc { centre, normal: *normal, radius, cell_centre, cell: size, cuts });
     }
 }

@@ -19,6 +19,8 @@ pub struct LevelsOptions<'a> {
     pub error: Option<f64>,
     /// Deepest level; `None` for all.
     pub level: Option<u8>,
+    /// Whether splats of no level but the deepest are wanted, and of leaves above it.
+    pub finest_only: bool,
     /// Bytes for splats, beyond which those of the deepest level go to a temporary file in a folder; `None` for any number.
     pub memory: Option<(u64, &'a Path)>,
 }
@@ -27,6 +29,8 @@ pub struct LevelsOptions<'a> {
 pub struct SplatLevels {
     root: RootCube,
     deepest: u8,
+    /// Whether cells may lie below others that are not divided.
+    is_pruned: bool,
     nodes: BTreeMap<NodeKey, NodeCells<SplatInput>>,
     /// Nodes of the deepest level that did not fit. They come behind the others of that level.
     spilled: Option<SpilledNodes>,
@@ -56,19 +60,21 @@ impl SplatLevels {
         let mut levels = SplatLevels {
             root: tree.root(),
             deepest,
+            is_pruned: options.error.is_some(),
             nodes: BTreeMap::new(),
             spilled: options.memory.map(|(most, folder)| SpilledNodes::new(most, folder)),
             bytes: 0,
         };
         let parts = super::cluster::PARTS as f64 / tree.root().unit();
         let tolerance = options.error.map_or(-1.0, |error| error * parts);
+        let merging = LevelMerging { tolerance, deepest, finest_only: options.finest_only };
         let make = |leaf: &Leaf<'_>| Ok(cells(leaf.key, leaf.brick));
         // Leaves are merged on all threads, what lies above them as it comes.
         let join = |keys: &[NodeKey], faces: Vec<Vec<CellClusters>>| {
             let mut nodes: Vec<OpenNode> =
                 keys.iter().zip(faces).map(|(&key, faces)| OpenNode { key, faces }).collect();
             Ok(match nodes[0].key.parent() {
-                Some(key) if nodes.len() == 8 => merged(key, &nodes, tolerance, deepest),
+                Some(key) if nodes.len() == 8 => merging.merged(key, &nodes),
                 _ => (nodes.swap_remove(0), Vec::new()),
             })
         };
@@ -76,7 +82,7 @@ impl SplatLevels {
         let take = |_, (node, kept): (OpenNode, Vec<(NodeKey, NodeCells<SplatInput>)>)| {
             kept.into_iter().try_for_each(|(key, cells)| levels.keep(key, cells))?;
             open.push(node);
-            levels.close(&mut open, tolerance)
+            levels.close(&mut open, merging)
         };
         visit_siblings(tree, &order, progress, make, join, take)?;
         if let Some(root) = open.pop() {
@@ -86,13 +92,13 @@ impl SplatLevels {
     }
 
     /// Merges the last eight nodes as long as they are one node's children.
-    fn close(&mut self, open: &mut Vec<OpenNode>, tolerance: f64) -> Result<()> {
+    fn close(&mut self, open: &mut Vec<OpenNode>, merging: LevelMerging) -> Result<()> {
         while let Some(last) = open.last()
             && last.key.octant().index() == 7
             && let Some(key) = last.key.parent()
         {
             let children = open.split_off(open.len() - 8);
-            let (node, kept) = merged(key, &children, tolerance, self.deepest);
+            let (node, kept) = merging.merged(key, &children);
             kept.into_iter().try_for_each(|(key, cells)| self.keep(key, cells))?;
             open.push(node);
         }
@@ -139,6 +145,24 @@ impl SplatLevels {
         self.nodes.get(&key)
     }
 
+    /// Whether cells may lie below others that are not divided.
+    pub(super) fn is_pruned(&self) -> bool {
+        self.is_pruned
+    }
+
+    /// Nodes in memory, level by level, along the Morton curve within a level.
+    pub(super) fn in_memory(&self) -> &BTreeMap<NodeKey, NodeCells<SplatInput>> {
+        &self.nodes
+    }
+
+    /// Calls `each` with the nodes that are not in memory, which come behind the others.
+    pub(super) fn each_spilled(
+        &self,
+        each: impl FnMut(NodeKey, &NodeCells<SplatInput>) -> Result<()>,
+    ) -> Result<()> {
+        self.spilled.as_ref().map_or(Ok(()), |spilled| spilled.each(each))
+    }
+
     /// The splats of a node, if it has some.
     ///
     /// # Errors
@@ -162,24 +186,33 @@ impl SplatLevels {
         mut each: impl FnMut(NodeKey, &NodeCells<SplatInput>) -> Result<()>,
     ) -> Result<()> {
         self.nodes.iter().try_for_each(|(key, node)| each(*key, node))?;
-        match &self.spilled {
-            Some(spilled) => spilled.each(each),
-            None => Ok(()),
-        }
+        self.each_spilled(each)
     }
 }
 
-/// A node from its eight children, and the children as they are written where they are not too deep.
-fn merged(
-    key: NodeKey,
-    children: &[OpenNode],
+/// How nodes are made of their children.
+#[derive(Clone, Copy)]
+struct LevelMerging {
     tolerance: f64,
     deepest: u8,
-) -> (OpenNode, Vec<(NodeKey, NodeCells<SplatInput>)>) {
-    let is_above = key.level() < deepest;
-    let faces = parents(key, children, tolerance, is_above);
-    let kept = if is_above { children } else { &[] };
-    (OpenNode { key, faces }, kept.iter().map(|child| (child.key, as_written(child))).collect())
+    finest_only: bool,
+}
+
+impl LevelMerging {
+    /// A node from its eight children, and the children as they are written where they are not too deep.
+    fn merged(
+        self,
+        key: NodeKey,
+        children: &[OpenNode],
+    ) -> (OpenNode, Vec<(NodeKey, NodeCells<SplatInput>)>) {
+        let is_above = key.level() < self.deepest;
+        let faces = match is_above && self.finest_only {
+            true => Vec::new(),
+            false => parents(key, children, self.tolerance, is_above),
+        };
+        let kept = if is_above { children } else { &[] };
+        (OpenNode { key, faces }, kept.iter().map(|child| (child.key, as_written(child))).collect())
+    }
 }
 
 /// The cells of a node as they are written.

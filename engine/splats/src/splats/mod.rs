@@ -33,6 +33,7 @@ mod spilled;
 mod tests;
 mod write;
 
+pub(crate) use disc::{CellPlanes, planes_of_levels, planes_of_tree};
 pub use disc::{Disc, discs_of_levels, discs_of_tree};
 pub use glb::write_glb;
 pub use levels::{LevelsOptions, SplatLevels};

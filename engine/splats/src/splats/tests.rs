@@ -404,6 +404,22 @@ fn splats_that_do_not_fit_in_memory_change_no_byte() {
     assert!(SplatLevels::new(&tree, options, &Silent).is_err());
 }
 
+#[test]
+fn the_finest_splats_alone_are_those_that_all_levels_have() {
+    let tree = tree(torus, 2);
+    for level in [None, Some(1), Some(0)] {
+        let discs = |finest_only| {
+            let options = LevelsOptions { level, finest_only, ..LevelsOptions::default() };
+            let levels = SplatLevels::new(&tree, options, &Silent).unwrap();
+            let mut discs = Vec::new();
+            discs_of_levels(&levels, None, |disc| discs.push(disc)).unwrap();
+            discs
+        };
+        let alone = discs(true);
+        assert!(alone.len() > 100 && alone == discs(false), "{level:?}");
+    }
+}
+
 /// The figure of a torus in the survey of Kobbelt and Botsch (2004), 13: what a number of splats is off by. `--nocapture`
 /// prints the report's table.
 #[test]
