@@ -250,10 +250,10 @@ impl Boxes {
 
 /// How many nodes stand over so many runs.
 fn nodes_over(mut runs: usize) -> usize {
-    let mut nodes = 0;
-    while nodes == 0 || runs > 1 {
+    let mut nodes = runs.div_ceil(WIDE);
+    while runs > WIDE {
         runs = runs.div_ceil(WIDE);
-        nodes += runs;
+        nodes += runs.div_ceil(WIDE);
     }
     nodes
 }
@@ -344,6 +344,7 @@ mod tests {
 
     #[test]
     fn nothing_near_is_skipped() {
+        assert_eq!([0, 1, 8, 9, 64, 65].map(nodes_over), [0, 1, 1, 3, 9, 12]);
         for (count, far) in [(1usize, 0.0), (2, 0.0), (3, 0.0), (7, 0.0), (100, 0.0), (1000, 3000.0)] {
             let some = |n: usize, k: u64| [0, 1, 2].map(|a| random(3 * n as u64 + a + k));
             let points: Vec<[f64; 3]> = (0..count).map(|n| some(n, 0).map(|c| c + far)).collect();
