@@ -13,7 +13,7 @@ use serde_json::json;
 /// Runs the command.
 pub fn run(args: &OffsetArgs) -> Result<(), Failure> {
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.surface.memory.0 / 4, args.surface.io, AcceptedStores::Whole)?;
+    let store = open_store(&args.store, args.surface.memory.0 / 8, args.surface.io, AcceptedStores::Whole)?;
     require_distinct(&[&args.output], &[&args.store])?;
     require_whole_samples(&store, "it has no exact surface to grow")?;
     check_target(&args.output)?;
@@ -31,7 +31,8 @@ pub fn run(args: &OffsetArgs) -> Result<(), Failure> {
         (None, None) => return Err(Failure::Usage("give a length with --by or --shell".to_owned())),
     };
     let folder = args.surface.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
-    let surface = Surface::new(&store, args.surface.memory.0 / 2, folder, &bars)?;
+    // Pieces of a surface come and go in all sizes on all threads, which costs the allocator a third more than they have.
+    let surface = Surface::new(&store, args.surface.memory.0 / 4, folder, &bars)?;
     let stats = offset(&store, &surface, solid, &args.output, &bars);
     let stats = stats.map_err(|error| of_store(&store, "offset", error))?;
     bars.clear();

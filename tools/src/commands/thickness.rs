@@ -56,7 +56,8 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
         Ok((ScalarMesh::new(PartFile::create(output)?, "thickness", metres, from, waiting)?, place))
     };
     let ply = args.output.as_ref().map(ply).transpose()?;
-    let surface = Surface::new(&store, memory / 2, folder, &bars)
+    // As in `offset`, the allocator needs some more than pieces have.
+    let surface = Surface::new(&store, memory / 8 * 3, folder, &bars)
         .map_err(|error| of_store(&store, "surface", error))?;
     let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
     let (mut text, mut mesh) = (String::new(), None);

@@ -70,7 +70,7 @@ impl Solid {
 }
 
 /// Writes the offset or shell of a store to another, on the same lattice. Where it does not fit into the root, that is doubled,
-/// about the same lattice. What waits to be written takes half of the surface's memory at most.
+/// about the same lattice. What waits to be written takes a third of the surface's memory at most.
 ///
 /// # Errors
 /// [`Error::Setting`] if nothing is left or no room is; what reading and writing give.
@@ -88,7 +88,7 @@ pub fn offset(
     let meta = grown.meta(store, solid);
     let mut writer = StoreWriter::create(output, &meta)?;
     if let CoarseSamples::Uniform(_) =
-        write_divided(&grown, &mut writer, surface.memory() / 2, ("offset", progress))?
+        write_divided(&grown, &mut writer, surface.memory() / 3, ("offset", progress))?
     {
         return Err(Error::setting("nothing is left of the part", "choose a shorter length"));
     }
