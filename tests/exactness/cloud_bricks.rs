@@ -139,13 +139,10 @@ fn bricks_are_divided_down_to_what_samples_show() {
     }
 }
 
-/// Hermite edges lie where the field passes 0.5, with its gradient.
-#[test]
-fn hermite_edges_lie_on_the_surface() {
-    let scene = Scene::of(&torus(3000, 9));
-    let tree = scene.tree(TreeOptions { depth: 1, ..Default::default() }, 0.02);
-    let (mut all, mut off, mut tilted) = (0, 0, 0);
-    for (key, leaf, brick) in nodes(&tree) {
+/// The crossings of edges along x of all leaves, in the world, with their normals. Each sign change has one, along all axes.
+pub fn crossings_along_x(tree: &MemoryTree, root: RootCube) -> Vec<([f64; 3], [f64; 3])> {
+    let mut crossings = Vec::new();
+    for (key, leaf, brick) in nodes(tree) {
         let (true, Brick::Counts { samples, hermite }) = (leaf, &*brick) else { continue };
         let signs = SignChanges::of(samples);
         assert_eq!(signs.counts(), [0, 1, 2].map(|a| hermite.edges[a].len()));
@@ -159,15 +156,26 @@ fn hermite_edges_lie_on_the_surface() {
                 let edge = edges.next().unwrap();
                 let p = position(key, [i, j, k]).map(f64::from);
                 let spacing = f64::from(1u32 << key.spacing_bits());
-                let [x, y, z] = scene.root.to_world([p[0] + edge.fraction() * spacing, p[1], p[2]]);
-                let ring = x.hypot(y);
-                all += 1;
-                off += u32::from(((ring - 10.0).hypot(z) - 4.0).abs() > 0.1);
-                let way = [(ring - 10.0) * x / ring, (ring - 10.0) * y / ring, z].map(|c| c / 4.0);
-                let normal = edge.normal.to_vector();
-                tilted += u32::from((0..3).map(|a| way[a] * normal[a]).sum::<f64>() < 0.9);
+                let at = root.to_world([p[0] + edge.fraction() * spacing, p[1], p[2]]);
+                crossings.push((at, edge.normal.to_vector()));
             }
         }
+    }
+    crossings
+}
+
+/// Hermite edges lie where the field passes 0.5, with its gradient.
+#[test]
+fn hermite_edges_lie_on_the_surface() {
+    let scene = Scene::of(&torus(3000, 9));
+    let tree = scene.tree(TreeOptions { depth: 1, ..Default::default() }, 0.02);
+    let (mut all, mut off, mut tilted) = (0, 0, 0);
+    for ([x, y, z], normal) in crossings_along_x(&tree, scene.root) {
+        let ring = x.hypot(y);
+        all += 1;
+        off += u32::from(((ring - 10.0).hypot(z) - 4.0).abs() > 0.1);
+        let way = [(ring - 10.0) * x / ring, (ring - 10.0) * y / ring, z].map(|c| c / 4.0);
+        tilted += u32::from((0..3).map(|a| way[a] * normal[a]).sum::<f64>() < 0.9);
     }
     // Points are 0.7 apart.
     assert!(all > 1500 && off * 50 < all && tilted * 20 < all, "{off} off and {tilted} tilted of {all}");

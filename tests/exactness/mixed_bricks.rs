@@ -1,17 +1,16 @@
 //! Trees of meshes and point clouds together against the sum of both sums, each written again from its formula.
 
-use crate::cloud_bricks::{sum_at, torus};
+use crate::cloud_bricks::{crossings_along_x, sum_at, torus};
 use crate::open::without;
 use crate::oracle::Oracle;
-use crate::scene::{assert_positions_agree, bounds, nodes, on_root_face, position};
+use crate::scene::{RandomSample, assert_positions_agree, bounds, nodes, random_samples};
+use brickfield_bench_data::Mesh;
 use brickfield_bench_data::pile::random_pile;
 use brickfield_bench_data::shapes::cuboid;
-use brickfield_bench_data::{Mesh, Rng};
 use brickfield_engine::Silent;
-use brickfield_engine::brick::{Brick, SignChanges};
 use brickfield_engine::build::{TreeOptions, build_cloud_and_soup_in_memory};
 use brickfield_engine::ingest::{Facet, PointCloud};
-use brickfield_engine::lattice::{Axis, BRICK_POINTS, RootCube};
+use brickfield_engine::lattice::RootCube;
 use brickfield_engine::store::{MemoryTree, Refine};
 use brickfield_engine::winding::Surfels;
 use proptest::prelude::*;
@@ -42,17 +41,11 @@ impl MixedScene {
 
     /// Compares random samples of random bricks; the worst error, and how many were compared.
     fn compare(&self, tree: &MemoryTree, samples: usize, seed: u64) -> (f64, usize) {
-        let (oracle, nodes, mut rng) = (self.oracle(), nodes(tree), Rng::new(seed));
+        let oracle = self.oracle();
         let (mut worst, mut compared) = (0.0f64, 0);
-        for _ in 0..samples {
-            let (key, _, brick) = &nodes[rng.below(nodes.len() as u32) as usize];
-            let ijk: [usize; 3] = std::array::from_fn(|_| rng.below(BRICK_POINTS as u32) as usize);
-            let p = position(*key, ijk);
-            if on_root_face(p) || oracle.may_lie_on_a_facet(p) {
-                continue;
-            }
-            let truth = oracle.solid_angles(p) + sum_at(&self.surfels, self.root, p);
-            worst = worst.max((brick.value(ijk) - truth).abs());
+        for RandomSample { at, value, .. } in random_samples(tree, &oracle, samples, seed) {
+            let truth = oracle.solid_angles(at) + sum_at(&self.surfels, self.root, at);
+            worst = worst.max((value - truth).abs());
             compared += 1;
         }
         (worst, compared)
@@ -118,31 +111,14 @@ fn hermite_edges_lie_on_both_surfaces() {
     let scene = MixedScene::of(&torus(2000, 9), soup);
     let tree = scene.tree(TreeOptions { depth: 1, ..Default::default() }, 0.02);
     let (mut on_box, mut on_torus) = (0, 0);
-    for (key, leaf, brick) in nodes(&tree) {
-        let (true, Brick::Counts { samples, hermite }) = (leaf, &*brick) else { continue };
-        let signs = SignChanges::of(samples);
-        assert_eq!(signs.counts(), [0, 1, 2].map(|a| hermite.edges[a].len()));
-        let mut edges = hermite.edges[0].iter();
-        for row in 0..BRICK_POINTS * BRICK_POINTS {
-            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
-            let mut bits = signs.edges(Axis::X, j, k);
-            while bits != 0 {
-                let i = bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                let edge = edges.next().unwrap();
-                let p = position(key, [i, j, k]).map(f64::from);
-                let spacing = f64::from(1u32 << key.spacing_bits());
-                let [x, y, z] = scene.root.to_world([p[0] + edge.fraction() * spacing, p[1], p[2]]);
-                let normal = edge.normal.to_vector();
-                if x > 17.0 {
-                    let (at, way) = if x < 23.5 { (20.0, -1.0) } else { (27.0, 1.0) };
-                    assert!((x - at).abs() < 1e-4 && normal[0] * way > 0.9999, "{x} {normal:?}");
-                    on_box += 1;
-                } else {
-                    assert!(((x.hypot(y) - 10.0).hypot(z) - 4.0).abs() < 0.4, "{x} {y} {z}");
-                    on_torus += 1;
-                }
-            }
+    for ([x, y, z], normal) in crossings_along_x(&tree, scene.root) {
+        if x > 17.0 {
+            let (at, way) = if x < 23.5 { (20.0, -1.0) } else { (27.0, 1.0) };
+            assert!((x - at).abs() < 1e-4 && normal[0] * way > 0.9999, "{x} {normal:?}");
+            on_box += 1;
+        } else {
+            assert!(((x.hypot(y) - 10.0).hypot(z) - 4.0).abs() < 0.4, "{x} {y} {z}");
+            on_torus += 1;
         }
     }
     assert!(on_box > 100 && on_torus > 300, "{on_box} {on_torus}");

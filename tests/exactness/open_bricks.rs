@@ -2,7 +2,9 @@
 
 use crate::open::{file, moebius, spot, without};
 use crate::oracle::Oracle;
-use crate::scene::{Scene, assert_positions_agree, nodes, on_root_face, position};
+use crate::scene::{
+    RandomSample, Scene, assert_positions_agree, nodes, on_root_face, position, random_samples,
+};
 use brickfield_bench_data::judge::winding::solid_angle_sum;
 use brickfield_bench_data::pile::random_pile;
 use brickfield_bench_data::{Mesh, Rng};
@@ -23,18 +25,10 @@ fn at_depth(depth: u8) -> TreeOptions {
 /// Compares random samples of random bricks; returns how many.
 fn compare(scene: &Scene, tree: &MemoryTree, error: f64, samples: usize, seed: u64) -> usize {
     let oracle: Oracle = scene.oracle();
-    let mut rng = Rng::new(seed);
-    let nodes = nodes(tree);
     let mut compared = 0;
-    for _ in 0..samples {
-        let (key, _, brick) = &nodes[rng.below(nodes.len() as u32) as usize];
-        let ijk: [usize; 3] = std::array::from_fn(|_| rng.below(BRICK_POINTS as u32) as usize);
-        let p = position(*key, ijk);
-        if on_root_face(p) || oracle.may_lie_on_a_facet(p) {
-            continue;
-        }
-        let (w, truth) = (brick.value(ijk), oracle.solid_angles(p));
-        assert!((w - truth).abs() <= error, "{key} {ijk:?} at {p:?}: {w}, not {truth}");
+    for RandomSample { key, ijk, at, value } in random_samples(tree, &oracle, samples, seed) {
+        let truth = oracle.solid_angles(at);
+        assert!((value - truth).abs() <= error, "{key} {ijk:?} at {at:?}: {value}, not {truth}");
         compared += 1;
     }
     compared

@@ -132,6 +132,31 @@ pub fn nodes(tree: &MemoryTree) -> Vec<(NodeKey, bool, Arc<Brick>)> {
     tree.keys().into_iter().map(node).collect()
 }
 
+/// A sample of a brick of a tree.
+pub struct RandomSample {
+    pub key: NodeKey,
+    pub ijk: [usize; 3],
+    /// Its lattice position.
+    pub at: [i32; 3],
+    pub value: f64,
+}
+
+/// Random samples of random bricks, but for those on faces of the root, where all is outside, and on facets, where the field
+/// jumps.
+pub fn random_samples(tree: &MemoryTree, oracle: &Oracle, count: usize, seed: u64) -> Vec<RandomSample> {
+    let (nodes, mut rng) = (nodes(tree), Rng::new(seed));
+    let mut samples = Vec::new();
+    for _ in 0..count {
+        let (key, _, brick) = &nodes[rng.below(nodes.len() as u32) as usize];
+        let ijk: [usize; 3] = std::array::from_fn(|_| rng.below(BRICK_POINTS as u32) as usize);
+        let at = position(*key, ijk);
+        if !on_root_face(at) && !oracle.may_lie_on_a_facet(at) {
+            samples.push(RandomSample { key: *key, ijk, at, value: brick.value(ijk) });
+        }
+    }
+    samples
+}
+
 /// Whether a lattice position lies on one of the root's own faces.
 pub fn on_root_face(p: [i32; 3]) -> bool {
     p.iter().any(|&c| c == 1 || c == (1 << ROOT_BITS) + 1)

@@ -111,8 +111,7 @@ fn voids(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Findings, Fail
     let name = in_line(store.path());
     let has_identity = store.meta().beads.as_ref().is_some_and(|beads| beads.identity.is_some());
     let cad = args.finding.cad.as_deref();
-    cad.iter().try_for_each(|cad| require_distinct(&[args.output], &[cad]))?;
-    let cad = cad.map(|cad| open_cad(cad, store, (args.memory / 8, args.io))).transpose()?;
+    let cad = cad.map(|cad| open_cad((cad, args.output), store, (args.memory / 8, args.io))).transpose()?;
     let has_classes = has_identity || cad.is_some();
     let asks_classes = !args.finding.classes.is_empty() || args.finding.colour_by == Some(ColourByArg::Class);
     if asks_classes && !has_classes {

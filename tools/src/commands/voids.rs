@@ -73,9 +73,11 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
             anyhow!("{}: {what}; build it from toolpaths with --identity", in_line(&args.store)).into()
         );
     }
-    let cad =
-        args.cad.as_deref().map(|cad| open_cad(cad, &store, (args.memory.0 / 8, args.io))).transpose()?;
-    args.cad.iter().try_for_each(|cad| require_distinct(&[&args.output], &[cad]))?;
+    let cad = args
+        .cad
+        .as_deref()
+        .map(|cad| open_cad((cad, &args.output), &store, (args.memory.0 / 8, args.io)))
+        .transpose()?;
     let mut file = PartFile::create(&args.output)?;
     let most =
         args.max_equivalent_diameter.map(|most| most.in_unit_of(&store.meta().unit).ok_or_else(no_unit));
@@ -148,9 +150,14 @@ fn source(args: &VoidsArgs, store: &Store, bars: &Bars) -> Result<Option<Vec<Inp
     Ok(Some(inputs))
 }
 
-/// The store of the CAD part, which must have the part's lattice.
-pub(super) fn open_cad(path: &Path, store: &Store, (memory, io): (u64, IoArg)) -> Result<Store, Failure> {
+/// The store of the CAD part, which must have the part's lattice and not be what is written.
+pub(super) fn open_cad(
+    (path, output): (&Path, &Path),
+    store: &Store,
+    (memory, io): (u64, IoArg),
+) -> Result<Store, Failure> {
     let cad = open_store(path, memory, io, AcceptedStores::Whole)?;
+    require_distinct(&[output], &[path])?;
     require_whole_samples(&cad, "what lies inside cannot be told")?;
     if cad.root() != store.root() || cad.meta().unit != store.meta().unit {
         let (cad, part) = (in_line(path), in_line(store.path()));

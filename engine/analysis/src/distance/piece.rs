@@ -151,7 +151,7 @@ impl Spill for Piece {
         let base = std::array::from_fn(|a| f64::from_le_bytes(std::array::from_fn(|b| base[8 * a + b])));
         let (count, rest) = rest.split_first_chunk::<4>()?;
         let count = u32::from_le_bytes(*count) as usize;
-        let (patches, rings) = rest.split_at_checked(count.checked_mul(PATCH_BYTES)?)?;
+        let (stored, rings) = rest.split_at_checked(count.checked_mul(PATCH_BYTES)?)?;
         let number = |bytes: &[u8], n: usize| {
             f32::from_le_bytes([bytes[4 * n], bytes[4 * n + 1], bytes[4 * n + 2], bytes[4 * n + 3]])
         };
@@ -172,11 +172,10 @@ impl Spill for Piece {
                 },
             })
         };
-        let mut read = Vec::with_capacity(count);
-        for bytes in patches.chunks_exact(PATCH_BYTES) {
-            read.push(patch(bytes)?);
+        let mut patches = Vec::with_capacity(count);
+        for bytes in stored.chunks_exact(PATCH_BYTES) {
+            patches.push(patch(bytes)?);
         }
-        let patches = read;
         let rings: Vec<[f32; 3]> = rings.chunks_exact(CORNER_BYTES).map(|bytes| three(bytes, 0)).collect();
         let end = rings.len();
         let is_within = |p: &Patch| p.first as usize + usize::from(p.count) <= end;

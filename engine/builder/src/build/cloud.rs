@@ -1,6 +1,5 @@
 //! The main job from point clouds: points in, store out.
 
-use super::bins::Binner;
 use super::clock::Clock;
 use super::cost::weigh_pieces;
 use super::field::{BrickEvaluation, Fractions, PieceField, PieceList};
@@ -105,13 +104,6 @@ impl BrickEvaluation for CloudBrick {
     }
 }
 
-/// All balls, for a tree whose nodes decide from the root on.
-pub(super) fn gather(field: &CloudBricks, pieces: &[CloudPiece]) -> SortedPieces<CloudBricks> {
-    let mut sorted = SortedPieces::default();
-    sorted.push(field, &Binner::new(NodeKey::ROOT, 0), pieces);
-    sorted
-}
-
 /// Builds `output` from the points of all inputs together, on the threads of the current rayon pool: the field of
 /// [`crate::winding::CloudField`], with samples that are off by at most the options' `gwn_error`. With `estimate`,
 /// normals are those of [`estimate_normals`], whatever the inputs say.
@@ -142,19 +134,17 @@ pub fn build_clouds(
     let mut task = Task::begin(sources, surfels.points, root, depth, output, options, None)?;
     clock.lap("identify");
     task.rules.evaluate_interior = true;
-    let (points, void_points, spacing) =
-        (surfels.all.len() as u64 + surfels.void, surfels.void, surfels.spacing);
-    task.meta.numbers.facets = points;
-    task.meta.numbers.degenerate_facets = void_points;
+    let read = PointsSummary::of(&surfels);
+    task.meta.numbers.facets = read.points;
+    task.meta.numbers.degenerate_facets = read.void_points;
     let field = CloudBricks::new(&surfels, root, options.gwn_error, depth)?;
     drop(surfels);
     clock.lap("cluster");
     let pieces: Vec<CloudPiece> = field.pieces().collect();
     task.cut(|cubes| weigh_pieces(&field, &pieces, cubes, progress), 0)?;
     clock.lap_if(task.meta.shard.is_some(), "weigh");
-    task.build(&field, gather(&field, &pieces), progress)?;
+    task.build(&field, SortedPieces::of_all(&field, &pieces), progress)?;
     clock.lap("build");
-    let read = PointsSummary { points, void_points, spacing };
     task.finish(InputSummary::Points(read), clock, progress)
 }
 

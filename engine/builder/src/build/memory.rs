@@ -1,6 +1,5 @@
 //! Small trees in memory, without a store.
 
-use super::cloud;
 use super::field::PieceField;
 use super::jobs::{BuildPlan, build_tree, sort_cubes};
 use super::mixed::{self, MIXED};
@@ -57,7 +56,7 @@ pub fn build_cloud_in_memory(
     let rules = Rules { evaluate_interior: true, ..Rules::new(options, root)? };
     let field = CloudBricks::new(surfels, root, error, rules.depth)?;
     let pieces: Vec<_> = field.pieces().collect();
-    tree_of(&field, cloud::gather(&field, &pieces), &rules, root)
+    tree_of(&field, SortedPieces::of_all(&field, &pieces), &rules, root)
 }
 
 /// Builds the tree of a point cloud and any soup together in memory, with samples that are off by at most `error`.

@@ -1,6 +1,5 @@
 //! The main job from meshes and point clouds together: their winding numbers add up.
 
-use super::bins::Binner;
 use super::clock::Clock;
 use super::cloud::{depth_of_spacing, describe as describe_cloud, surfels};
 use super::cost::{weigh_pieces, weigh_soup};
@@ -18,7 +17,7 @@ use super::summary::{BuildSummary, FacetsSummary, InputSummary, PointsSummary};
 use super::task::Task;
 use crate::error::{Error, Result};
 use crate::ingest::{CloudInput, Facets, Input, Survey};
-use crate::lattice::{NodeKey, RootCube, Triangle};
+use crate::lattice::{RootCube, Triangle};
 use crate::pieces::FlippedSource;
 use crate::progress::Progress;
 use crate::store::{Source, check_target};
@@ -122,9 +121,7 @@ pub(super) fn gather(
     let caps = field.open().map_or(&[][..], |open| &open.part().caps);
     let triangles = facets.iter().chain(caps).map(|t| MixedPiece::Facet(*t));
     let pieces: Vec<MixedPiece> = triangles.chain(balls.iter().map(|ball| MixedPiece::Ball(*ball))).collect();
-    let mut sorted = SortedPieces::default();
-    sorted.push(field, &Binner::new(NodeKey::ROOT, 0), &pieces);
-    sorted
+    SortedPieces::of_all(field, &pieces)
 }
 
 /// Builds `output` from meshes and point clouds together, on the threads of the current rayon pool: the sum of the field of
@@ -168,11 +165,7 @@ pub fn build_mixed(
     clock.lap_if(turned.is_some(), "orient");
     let cubes = (sort_cubes(&task.rules), task.rules.sieved());
     let soup = snapped((&meshes, &soups), root, cubes, &task.room, progress)?;
-    let points = PointsSummary {
-        points: surfels.all.len() as u64 + surfels.void,
-        void_points: surfels.void,
-        spacing: surfels.spacing,
-    };
+    let points = PointsSummary::of(&surfels);
     task.meta.numbers.facets = facets + points.points;
     task.meta.numbers.degenerate_facets = soup.degenerate + points.void_points;
     clock.lap("snap");

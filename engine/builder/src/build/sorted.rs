@@ -3,6 +3,7 @@
 use super::bins::{Binner, SortedRun};
 use super::field::PieceField;
 use crate::error::Result;
+use crate::lattice::NodeKey;
 
 /// Pieces that lie elsewhere than in [`SortedPieces`]' own runs, sorted by cube alike.
 pub(super) trait CellStore<F: PieceField>: Send + Sync {
@@ -35,6 +36,13 @@ impl<F: PieceField> SortedPieces<F> {
     /// Pieces that are all elsewhere, and their sums.
     pub fn kept_elsewhere(corners: F::Corners, pieces: Box<dyn CellStore<F>>) -> SortedPieces<F> {
         SortedPieces { runs: Vec::new(), elsewhere: Some(pieces), corners: Some(corners) }
+    }
+
+    /// All pieces of an input, for a tree whose nodes decide from the root on.
+    pub fn of_all(field: &F, pieces: &[F::Piece]) -> SortedPieces<F> {
+        let mut sorted = SortedPieces::default();
+        sorted.push(field, &Binner::new(NodeKey::ROOT, 0), pieces);
+        sorted
     }
 
     /// Adds a run; every run comes with the same binner.

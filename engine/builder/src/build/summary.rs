@@ -4,6 +4,7 @@ use super::thin::ThinSummary;
 use crate::backend::DeviceReport;
 use crate::pieces::{InsideOut, PiecesReport};
 use crate::store::ShardId;
+use crate::winding::Surfels;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
@@ -91,6 +92,13 @@ pub struct PointsSummary {
     pub void_points: u64,
     /// Distance of neighbouring points: the root of the median area of a point, in the input's unit.
     pub spacing: f64,
+}
+
+impl PointsSummary {
+    pub(super) fn of(surfels: &Surfels) -> PointsSummary {
+        let Surfels { all, void, spacing, .. } = surfels;
+        PointsSummary { points: all.len() as u64 + void, void_points: *void, spacing: *spacing }
+    }
 }
 
 impl InputSummary {

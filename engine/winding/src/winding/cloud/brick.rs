@@ -86,9 +86,7 @@ impl CloudBricks {
         let has_details = pieces.any(|piece| !piece.is_seen_by(key));
         Ok(CloudBrick { smooth: OpenBrick::smooth(samples, key, self.error), has_details })
     }
-}
 
-impl CloudBricks {
     /// The sums over all dipoles at the samples of a brick: rounded to the binary places, they are off by at most the error.
     pub(in crate::winding) fn sums<'a>(
         &self,
