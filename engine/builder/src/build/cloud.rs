@@ -3,7 +3,9 @@
 use super::clock::Clock;
 use super::cost::weigh_pieces;
 use super::field::{BrickEvaluation, Fractions, PieceField, PieceList};
-use super::pipeline::{BuildOptions, Resolution, place};
+use super::options::{BuildOptions, Resolution};
+use super::pipeline::{BuildContext, BuildSource, build_from};
+use super::place::place;
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
 use super::summary::{BuildSummary, InputSummary, PointsSummary};
@@ -13,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::ingest::CloudInput;
 use crate::lattice::{MAX_LEVEL, NodeKey, RootCube, Units};
 use crate::progress::Progress;
-use crate::store::{Refine, Source, check_target};
+use crate::store::{Refine, Source};
 use crate::winding::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece, Surfels, estimate_normals};
 use std::path::Path;
 
@@ -124,28 +126,65 @@ pub fn build_clouds(
 ) -> Result<BuildSummary> {
     require_no_tolerance(options.tolerance, POINTS)?;
     options.thin.require_none(POINTS)?;
-    let mut clock = Clock::default();
-    check_target(output)?;
-    let first = inputs.first().map(|input| input.path().to_owned());
-    let sources = inputs.iter().map(|input| describe(input, estimate)).collect::<Result<Vec<Source>>>()?;
-    let surfels = surfels(inputs, estimate, progress)?;
-    let (root, depth) = place_cloud(&surfels, first.as_deref(), options.resolution)?;
-    clock.lap("measure");
-    let mut task = Task::begin(sources, surfels.points, root, depth, output, options, None)?;
-    clock.lap("identify");
-    task.rules.evaluate_interior = true;
-    let read = PointsSummary::of(&surfels);
-    task.meta.numbers.facets = read.points;
-    task.meta.numbers.degenerate_facets = read.void_points;
-    let field = CloudBricks::new(&surfels, root, options.gwn_error, depth)?;
-    drop(surfels);
-    clock.lap("cluster");
-    let pieces: Vec<CloudPiece> = field.pieces().collect();
-    task.cut(|cubes| weigh_pieces(&field, &pieces, cubes, progress), 0)?;
-    clock.lap_if(task.meta.shard.is_some(), "weigh");
-    task.build(&field, SortedPieces::of_all(&field, &pieces), progress)?;
-    clock.lap("build");
-    task.finish(InputSummary::Points(read), clock, progress)
+    let source = CloudSource { inputs, estimate, surfels: None, read: PointsSummary::default() };
+    build_from(source, BuildContext { output, options, progress })
+}
+
+/// Point clouds as what a store is built from.
+struct CloudSource {
+    /// Emptied when their points are in `surfels`.
+    inputs: Vec<CloudInput>,
+    /// Whether normals are found from the points.
+    estimate: bool,
+    /// Dropped when they are in the field.
+    surfels: Option<Surfels>,
+    read: PointsSummary,
+}
+
+impl BuildSource for CloudSource {
+    type Field = CloudBricks;
+
+    fn begin(&mut self, BuildContext { output, options, progress }: BuildContext<'_>) -> Result<Task> {
+        let inputs = std::mem::take(&mut self.inputs);
+        let first = inputs.first().map(|input| input.path().to_owned());
+        let sources = inputs.iter().map(|input| describe(input, self.estimate)).collect::<Result<_>>()?;
+        let surfels = surfels(inputs, self.estimate, progress)?;
+        let (root, depth) = place_cloud(&surfels, first.as_deref(), options.resolution)?;
+        self.read = PointsSummary::of(&surfels);
+        let mut task = Task::begin(sources, surfels.points, root, depth, output, options, None)?;
+        task.rules.evaluate_interior = true;
+        task.meta.numbers.facets = self.read.points;
+        task.meta.numbers.degenerate_facets = self.read.void_points;
+        self.surfels = Some(surfels);
+        Ok(task)
+    }
+
+    fn sort(
+        &mut self,
+        task: &mut Task,
+        clock: &mut Clock,
+        BuildContext { options, progress, .. }: BuildContext<'_>,
+    ) -> Result<(CloudBricks, SortedPieces<CloudBricks>)> {
+        let surfels = self.surfels.take().expect("measured before");
+        let field = CloudBricks::new(&surfels, task.meta.root, options.gwn_error, task.rules.depth)?;
+        drop(surfels);
+        clock.lap("cluster");
+        let pieces: Vec<CloudPiece> = field.pieces().collect();
+        task.cut(|cubes| weigh_pieces(&field, &pieces, cubes, progress), 0)?;
+        clock.lap_if(task.meta.shard.is_some(), "weigh");
+        let sorted = SortedPieces::of_all(&field, &pieces);
+        Ok((field, sorted))
+    }
+
+    fn complete(
+        self,
+        _: CloudBricks,
+        _: &mut Task,
+        _: &mut Clock,
+        _: BuildContext<'_>,
+    ) -> Result<InputSummary> {
+        Ok(InputSummary::Points(self.read))
+    }
 }
 
 /// The surface elements of the points of some files together. With `estimate`, their normals are those of

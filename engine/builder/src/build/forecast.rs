@@ -2,7 +2,7 @@
 
 use super::choose::{BeadSizes, COARSE_OF_LEAST};
 use super::measure::measure;
-use super::pipeline::BuildOptions;
+use super::options::BuildOptions;
 use crate::error::{Error, Result};
 use crate::ingest::Input;
 use crate::lattice::{BRICK_CELLS, RootCube, millimetres};

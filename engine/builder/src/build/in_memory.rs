@@ -5,14 +5,14 @@ use super::cloud::{place_cloud, surfels};
 use super::memory::{
     build_any_in_memory, build_beads_in_memory, build_cloud_and_soup_in_memory, build_cloud_in_memory,
 };
+use super::mesh_inputs::{MeshInputs, survey_all};
 use super::mixed::{MixedInput, MixedPlace, SortedInputs};
-use super::orient;
-use super::pipeline::{BuildOptions, place};
+use super::options::BuildOptions;
+use super::place::place;
 use super::rules::{TreeOptions, require_no_tolerance};
 use super::toolpaths::{bead_sources, bounds_of_sources, place_beads};
 use crate::error::Result;
 use crate::ingest::{CloudInput, Facets, Input, Survey};
-use crate::pieces::FlippedSource;
 use crate::progress::Progress;
 use crate::store::MemoryTree;
 use crate::toolpath::Toolpath;
@@ -47,15 +47,14 @@ pub fn build_inputs_in_memory(
     if options.solids.is_some() {
         return beads_in_memory(inputs, options);
     }
-    let surveys: Vec<Survey> = inputs.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
+    let surveys = survey_all(inputs, progress)?;
     let bounds = Survey::bounds_of_all(&surveys);
     let (root, depth) = place(inputs.first().map(Input::path), bounds.0, bounds.1, options.resolution)?;
-    let given: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
-    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
-    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
-    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
-    let tree = build_any_in_memory(&soups, root, tree_options(depth, options), options.gwn_error)?;
-    inputs.iter().try_for_each(Input::check)?;
+    let mut meshes = MeshInputs::given(inputs);
+    meshes.turn(root, options, progress)?;
+    let (how, error) = (tree_options(depth, options), options.gwn_error);
+    let tree = meshes.with_soups(|soups| build_any_in_memory(soups, root, how, error))?;
+    meshes.check()?;
     Ok(TreeInMemory { tree, bounds })
 }
 
@@ -101,16 +100,15 @@ pub fn build_mixed_in_memory(
 ) -> Result<TreeInMemory> {
     options.thin.require_none(IN_MEMORY)?;
     let SortedInputs { meshes, clouds, .. } = SortedInputs::of(inputs)?;
-    let surveys: Vec<Survey> = meshes.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
+    let surveys = survey_all(&meshes, progress)?;
     let surfels = surfels(clouds, estimate, progress)?;
     let first = meshes.first().map(Input::path);
     let MixedPlace { bounds, root, depth } = MixedPlace::of(&surveys, &surfels, first, options.resolution)?;
-    let given: Vec<&dyn Facets> = meshes.iter().map(|input| input as &dyn Facets).collect();
-    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
-    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
-    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
+    let mut meshes = MeshInputs::given(&meshes);
+    meshes.turn(root, options, progress)?;
     let (how, error) = (tree_options(depth, options), options.gwn_error);
-    let tree = build_cloud_and_soup_in_memory(&surfels, &soups, root, how, error)?;
-    meshes.iter().try_for_each(Input::check)?;
+    let build = |soups: &[&dyn Facets]| build_cloud_and_soup_in_memory(&surfels, soups, root, how, error);
+    let tree = meshes.with_soups(build)?;
+    meshes.check()?;
     Ok(TreeInMemory { tree, bounds })
 }

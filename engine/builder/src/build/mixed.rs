@@ -5,22 +5,21 @@ use super::cloud::{depth_of_spacing, describe as describe_cloud, surfels};
 use super::cost::{weigh_pieces, weigh_soup};
 use super::forecast::{ForecastInput, foresee};
 use super::jobs::sort_cubes;
+use super::mesh_inputs::{MeshInputs, describe, require_room_for_facets, survey_all};
 use super::mixed_field::MixedPiece;
 use super::open::OpenSoup;
-use super::orient;
-use super::pipeline::{
-    AUTO_DEPTH, BuildOptions, Resolution, describe, place, require_room_for_facets, snapped,
-};
+use super::options::{BuildOptions, Resolution};
+use super::pipeline::{BuildContext, BuildSource, build_from};
+use super::place::{AUTO_DEPTH, place};
 use super::rules::require_no_tolerance;
 use super::sorted::SortedPieces;
-use super::summary::{BuildSummary, FacetsSummary, InputSummary, PointsSummary};
+use super::summary::{BuildSummary, InputSummary, PointsSummary};
 use super::task::Task;
 use crate::error::{Error, Result};
 use crate::ingest::{CloudInput, Facets, Input, Survey};
 use crate::lattice::{RootCube, Triangle};
-use crate::pieces::FlippedSource;
 use crate::progress::Progress;
-use crate::store::{Source, check_target};
+use crate::store::Source;
 use crate::winding::{CloudPiece, MixedField, OpenPart, OpenSummary, Surfels};
 use std::path::Path;
 
@@ -68,20 +67,6 @@ impl SortedInputs {
             true => Err(Error::setting("there are not both meshes and clouds", "give one of each at least")),
             false => Ok(sorted),
         }
-    }
-
-    /// What the store records, in the order in which inputs were given.
-    fn sources(&self, surveys: &[Survey], estimate: bool) -> Result<Vec<Source>> {
-        let mut meshes = self.meshes.iter().zip(surveys);
-        let mut clouds = self.clouds.iter();
-        let source = |is_cloud: &bool| match is_cloud {
-            true => describe_cloud(clouds.next().expect("as many as there are"), estimate),
-            false => {
-                let (input, survey) = meshes.next().expect("as many as there are");
-                Ok(describe(input, survey.identity))
-            }
-        };
-        self.are_clouds.iter().map(source).collect()
     }
 }
 
@@ -141,72 +126,119 @@ pub fn build_mixed(
 ) -> Result<BuildSummary> {
     require_no_tolerance(options.tolerance, MIXED)?;
     options.thin.require_none(MIXED)?;
-    let mut clock = Clock::default();
-    check_target(output)?;
     let mut inputs = SortedInputs::of(inputs)?;
-    let surveys: Vec<Survey> =
-        inputs.meshes.iter().map(|input| input.survey(progress)).collect::<Result<_>>()?;
-    let sources = inputs.sources(&surveys, estimate)?;
-    let surfels = surfels(std::mem::take(&mut inputs.clouds), estimate, progress)?;
-    let meshes = inputs.meshes;
-    let first = meshes.first().map(Input::path);
-    let MixedPlace { bounds, root, depth } = MixedPlace::of(&surveys, &surfels, first, options.resolution)?;
-    let facets: u64 = meshes.iter().map(Input::facets).sum();
-    let alone = ("meshes beside clouds stay in memory", "build them apart");
-    require_room_for_facets(facets, &options.resources, alone)?;
-    foresee(&ForecastInput::Facets(&meshes), (root, depth), bounds, output, options, progress)?;
-    let mut task = Task::begin(sources, bounds, root, depth, output, options, None)?;
-    task.rules.evaluate_interior = true;
-    clock.lap("measure");
-    let given: Vec<&dyn Facets> = meshes.iter().map(|input| input as &dyn Facets).collect();
-    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
-    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
-    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
-    clock.lap_if(turned.is_some(), "orient");
-    let cubes = (sort_cubes(&task.rules), task.rules.sieved());
-    let soup = snapped((&meshes, &soups), root, cubes, &task.room, progress)?;
-    let points = PointsSummary::of(&surfels);
-    task.meta.numbers.facets = facets + points.points;
-    task.meta.numbers.degenerate_facets = soup.degenerate + points.void_points;
-    clock.lap("snap");
-    let mut triangles = Vec::new();
-    soup.sorted.gather(0, &mut triangles)?;
-    drop(soup.sorted);
-    let open = match soup.balance.is_closed() {
-        true => None,
-        false => Some(OpenPart::within(task.room.memory() / 4, &soups, root, progress)?),
+    let clouds = std::mem::take(&mut inputs.clouds);
+    let source = MixedSource {
+        meshes: MeshInputs::given(&inputs.meshes),
+        are_clouds: &inputs.are_clouds,
+        clouds,
+        estimate,
+        surfels: None,
+        points: PointsSummary::default(),
     };
-    meshes.iter().try_for_each(Input::check)?;
-    let field = MixedField::new(&surfels, open, root, options.gwn_error, task.rules.depth)?;
-    drop(surfels);
-    if let Some(open) = field.open() {
-        task.room.take(OpenSoup::require_room(open, task.room.memory())?);
+    build_from(source, BuildContext { output, options, progress })
+}
+
+/// Meshes and clouds as what a store is built from.
+struct MixedSource<'a> {
+    meshes: MeshInputs<'a>,
+    /// See [`SortedInputs`].
+    are_clouds: &'a [bool],
+    /// Emptied when their points are in `surfels`.
+    clouds: Vec<CloudInput>,
+    /// Whether normals are found from the points.
+    estimate: bool,
+    /// Dropped when they are in the field.
+    surfels: Option<Surfels>,
+    points: PointsSummary,
+}
+
+impl BuildSource for MixedSource<'_> {
+    type Field = MixedField;
+
+    fn begin(&mut self, BuildContext { output, options, progress }: BuildContext<'_>) -> Result<Task> {
+        let meshes = self.meshes.opened;
+        let surveys = survey_all(meshes, progress)?;
+        let sources = self.sources(&surveys)?;
+        let surfels = surfels(std::mem::take(&mut self.clouds), self.estimate, progress)?;
+        let first = meshes.first().map(Input::path);
+        let MixedPlace { bounds, root, depth } =
+            MixedPlace::of(&surveys, &surfels, first, options.resolution)?;
+        let alone = ("meshes beside clouds stay in memory", "build them apart");
+        require_room_for_facets(self.meshes.facets(), &options.resources, alone)?;
+        foresee(&ForecastInput::Facets(meshes), (root, depth), bounds, output, options, progress)?;
+        let mut task = Task::begin(sources, bounds, root, depth, output, options, None)?;
+        task.rules.evaluate_interior = true;
+        self.points = PointsSummary::of(&surfels);
+        self.surfels = Some(surfels);
+        Ok(task)
     }
-    clock.lap("cluster");
-    let balls: Vec<CloudPiece> = field.cloud().pieces().collect();
-    task.cut(
-        |cubes| {
-            let of_facets = weigh_soup(&soups, root, cubes, progress)?;
+
+    fn sort(
+        &mut self,
+        task: &mut Task,
+        clock: &mut Clock,
+        BuildContext { options, progress, .. }: BuildContext<'_>,
+    ) -> Result<(MixedField, SortedPieces<MixedField>)> {
+        let root = task.meta.root;
+        self.meshes.turn(root, options, progress)?;
+        let meshes = &self.meshes;
+        clock.lap_if(meshes.are_turned(), "orient");
+        let cubes = (sort_cubes(&task.rules), task.rules.sieved());
+        let soup = meshes.snapped(root, cubes, &task.room, progress)?;
+        task.meta.numbers.facets = meshes.facets() + self.points.points;
+        task.meta.numbers.degenerate_facets = soup.degenerate + self.points.void_points;
+        clock.lap("snap");
+        let mut triangles = Vec::new();
+        soup.sorted.gather(0, &mut triangles)?;
+        drop(soup.sorted);
+        let memory = task.room.memory() / 4;
+        let close = |soups: &[&dyn Facets]| OpenPart::within(memory, soups, root, progress);
+        let open = (!soup.balance.is_closed()).then(|| meshes.with_soups(close)).transpose()?;
+        meshes.check()?;
+        let surfels = self.surfels.take().expect("measured before");
+        let field = MixedField::new(&surfels, open, root, options.gwn_error, task.rules.depth)?;
+        drop(surfels);
+        if let Some(open) = field.open() {
+            task.room.take(OpenSoup::require_room(open, task.room.memory())?);
+        }
+        clock.lap("cluster");
+        let balls: Vec<CloudPiece> = field.cloud().pieces().collect();
+        let weigh = |cubes| {
+            let of_facets = meshes.with_soups(|soups| weigh_soup(soups, root, cubes, progress))?;
             Ok(of_facets.and(&weigh_pieces(field.cloud(), &balls, cubes, progress)?))
-        },
-        0,
-    )?;
-    clock.lap_if(task.meta.shard.is_some(), "weigh");
-    let sorted = gather(&field, &triangles, &balls);
-    drop((triangles, balls));
-    task.build(&field, sorted, progress)?;
-    clock.lap("build");
-    let open = field.open().map_or(OpenSummary::default(), |open| open.part().summary);
-    let read = FacetsSummary {
-        facets,
-        degenerate_facets: soup.degenerate,
-        skipped_faces: meshes.iter().map(Input::skipped_faces).sum(),
-        open_edges: open.open_edges,
-        loops: open.loops,
-        flipped_patches: open.flipped_patches,
-        pieces: turned.map(|(report, _)| report),
-        inside_out: None,
-        turned_sweeps: meshes.iter().map(Input::turned_sweeps).sum(),
-    };
-    task.finish(InputSummary::Mixed(read, points), clock, progress)
+        };
+        task.cut(weigh, 0)?;
+        clock.lap_if(task.meta.shard.is_some(), "weigh");
+        let sorted = gather(&field, &triangles, &balls);
+        Ok((field, sorted))
+    }
+
+    fn complete(
+        self,
+        field: MixedField,
+        task: &mut Task,
+        _: &mut Clock,
+        _: BuildContext<'_>,
+    ) -> Result<InputSummary> {
+        let open = field.open().map_or(OpenSummary::default(), |open| open.part().summary);
+        let degenerate = task.meta.numbers.degenerate_facets - self.points.void_points;
+        Ok(InputSummary::Mixed(self.meshes.summary(degenerate, open, None), self.points))
+    }
+}
+
+impl MixedSource<'_> {
+    /// What the store records, in the order in which inputs were given.
+    fn sources(&self, surveys: &[Survey]) -> Result<Vec<Source>> {
+        let mut meshes = self.meshes.opened.iter().zip(surveys);
+        let mut clouds = self.clouds.iter();
+        let source = |is_cloud: &bool| match is_cloud {
+            true => describe_cloud(clouds.next().expect("as many as there are"), self.estimate),
+            false => {
+                let (input, survey) = meshes.next().expect("as many as there are");
+                Ok(describe(input, survey.identity))
+            }
+        };
+        self.are_clouds.iter().map(source).collect()
+    }
 }

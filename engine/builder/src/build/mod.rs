@@ -22,13 +22,16 @@ mod jobs;
 mod measure;
 mod memory;
 mod merge;
+mod mesh_inputs;
+mod meshes;
 mod mixed;
 mod mixed_field;
 mod open;
-mod orient;
+mod options;
 mod packing;
 mod partition;
 mod pipeline;
+mod place;
 mod plan_file;
 mod planned;
 mod rebuild;
@@ -57,8 +60,9 @@ pub use memory::{
     build_open_in_memory,
 };
 pub use merge::{MergeSummary, merge};
+pub use meshes::{build, build_opened};
 pub use mixed::{MixedInput, build_mixed};
-pub use pipeline::{BuildOptions, CommitOptions, Resolution, build, build_opened};
+pub use options::{BuildOptions, CommitOptions, Resolution};
 pub use plan_file::is_plan;
 pub use planned::{PlanSummary, build_planned, plan};
 pub use resources::Resources;

@@ -214,6 +214,17 @@ impl PlanFile {
         PlannedTriangles { plan: Arc::clone(self), cells, temporary }
     }
 
+    /// The error of a directory that says `what` cannot be.
+    pub fn damaged(&self, what: &str) -> Error {
+        Error::input(&self.path, "directory", what, REMEDY)
+    }
+
+    /// The error of a plan that another version of the program made.
+    pub fn of_other_version(&self, program: &str) -> Error {
+        let what = format!("it was made by {}, and this is {program}", self.directory.meta.program);
+        Error::input(&self.path, "plan", what, REMEDY)
+    }
+
     /// Whether the file is what it was when it was opened.
     ///
     /// # Errors

@@ -3,8 +3,10 @@
 use super::clock::Clock;
 use super::cost::weigh_soup;
 use super::jobs::{job_level, sort_cubes};
-use super::orient;
-use super::pipeline::{BuildOptions, CommitOptions, MeasuredSoup, measure_soup, snapped};
+use super::mesh_inputs::MeshInputs;
+use super::meshes::{MeasuredSoup, measure_soup};
+use super::options::{BuildOptions, CommitOptions};
+use super::pipeline::{BuildContext, BuildSource, build_from};
 use super::plan_file::{PlanDirectory, PlanFile, write_plan};
 use super::rebuild::without_wrong_device;
 use super::resources::SpillResources;
@@ -14,9 +16,8 @@ use super::soup::Soup;
 use super::summary::{BuildSummary, FacetsSummary, InputSummary};
 use super::task::{Task, meta_of, way_to_turn};
 use crate::error::{Error, Result};
-use crate::ingest::{Facets, Input};
+use crate::ingest::Input;
 use crate::lattice::NodeKey;
-use crate::pieces::FlippedSource;
 use crate::progress::Progress;
 use crate::store::{BuildCounts, Meta, Shard, ShardId, ShardNumbers, check_target};
 use crate::volumes::facet_volumes;
@@ -65,20 +66,18 @@ pub fn plan(
     require_following(&rules)?;
     let room = SpillResources::new(&options.resources, output)?;
     clock.lap("measure");
-    let given: Vec<&dyn Facets> = opened.iter().map(|input| input as &dyn Facets).collect();
-    let turned = orient::turn(&given, root, options.orient, options.resources.memory, progress)?;
-    let oriented = turned.as_ref().map(|(_, turned)| turned.apply(&given));
-    let soups = oriented.as_ref().map_or(given, |oriented| FlippedSource::sources(oriented));
-    clock.lap_if(turned.is_some(), "orient");
+    let mut inputs = MeshInputs::given(opened);
+    inputs.turn(root, options, progress)?;
+    clock.lap_if(inputs.are_turned(), "orient");
     let level = job_level(&rules);
-    let cost = weigh_soup(&soups, root, (level, rules.depth), progress)?;
+    let cost = inputs.with_soups(|soups| weigh_soup(soups, root, (level, rules.depth), progress))?;
     clock.lap("weigh");
-    let facets: u64 = opened.iter().map(Input::facets).sum();
+    let facets = inputs.facets();
     let cubes = sort_cubes(&rules);
-    let soup = snapped((opened, &soups), root, (cubes, rules.sieved()), &room, progress)?;
+    let soup = inputs.snapped(root, (cubes, rules.sieved()), &room, progress)?;
     require_closed(soup.balance.is_closed())?;
     clock.lap("snap");
-    meta.volumes = facet_volumes(&soups, bounds, room.memory() / 8, progress)?;
+    meta.volumes = inputs.with_soups(|soups| facet_volumes(soups, bounds, room.memory() / 8, progress))?;
     clock.lap("volumes");
     meta.numbers.facets = facets;
     meta.numbers.degenerate_facets = soup.degenerate;
@@ -132,52 +131,67 @@ pub fn build_planned(
     options: &BuildOptions,
     progress: &dyn Progress,
 ) -> Result<BuildSummary> {
-    without_wrong_device(options, |options| build_shard(plan, output, options, progress))
+    let plan = Arc::new(PlanFile::open(plan)?);
+    let Some(found) = &plan.directory.meta.shard else {
+        return Err(plan.damaged("no cubes are shared out"));
+    };
+    // What decides the tree is the plan's.
+    let keeping = CommitOptions { settings: plan.directory.settings.clone(), ..options.keeping.clone() };
+    let options = BuildOptions { keeping, gwn_error: found.gwn_error, ..options.clone() };
+    without_wrong_device(&options, |options| {
+        build_from(PlannedShard { plan: Arc::clone(&plan) }, BuildContext { output, options, progress })
+    })
 }
 
-fn build_shard(
-    path: &Path,
-    output: &Path,
-    options: &BuildOptions,
-    progress: &dyn Progress,
-) -> Result<BuildSummary> {
-    let mut clock = Clock::default();
-    check_target(output)?;
-    let plan = Arc::new(PlanFile::open(path)?);
-    let PlanDirectory { meta, way, settings, work, jumps } = &plan.directory;
-    if meta.program != options.program {
-        let what = format!("it was made by {}, and this is {}", meta.program, options.program);
-        return Err(Error::input(path, "plan", what, "make the plan again"));
+/// A shard of a plan as what a store is built from.
+struct PlannedShard {
+    plan: Arc<PlanFile>,
+}
+
+impl BuildSource for PlannedShard {
+    type Field = Soup;
+
+    fn begin(&mut self, BuildContext { output, options, .. }: BuildContext<'_>) -> Result<Task> {
+        let PlanDirectory { meta, way, .. } = &self.plan.directory;
+        if meta.program != options.program {
+            return Err(self.plan.of_other_version(&options.program));
+        }
+        let Some(id) = options.shard else {
+            return Err(Error::setting("a plan is built in shards", "say which with `shard`"));
+        };
+        let is_first = id.number == 1;
+        let volumes = meta.volumes.clone().filter(|_| is_first);
+        let whole = Meta { shard: None, volumes: None, ..meta.clone() };
+        let mut task = Task::begin_as(whole, (options.gwn_error, way.clone()), output, options)?;
+        task.meta.volumes = volumes;
+        require_following(&task.rules)?;
+        Ok(task)
     }
-    let Some(id) = options.shard else {
-        return Err(Error::setting("a plan is built in shards", "say which with `shard`"));
-    };
-    let damaged = |what: &str| Error::input(path, "directory", what, "make the plan again");
-    let planned = meta.shard.as_ref().ok_or_else(|| damaged("no cubes are shared out"))?;
-    let is_first = id.number == 1;
-    let volumes = meta.volumes.clone().filter(|_| is_first);
-    let keeping = CommitOptions { settings: settings.clone(), ..options.keeping.clone() };
-    let whole = Meta { shard: None, volumes: None, ..meta.clone() };
-    let options = BuildOptions { keeping, ..options.clone() };
-    let mut task = Task::begin_as(whole, (planned.gwn_error, way.clone()), output, &options)?;
-    task.meta.volumes = volumes;
-    require_following(&task.rules)?;
-    let cubes = sort_cubes(&task.rules);
-    if work.len() != 1 << (3 * u32::from(job_level(&task.rules))) {
-        return Err(damaged("it has other cubes than the tree"));
+
+    fn sort(
+        &mut self,
+        task: &mut Task,
+        clock: &mut Clock,
+        BuildContext { options, .. }: BuildContext<'_>,
+    ) -> Result<(Soup, SortedPieces<Soup>)> {
+        let PlanDirectory { meta, work, jumps, .. } = &self.plan.directory;
+        if work.len() != 1 << (3 * u32::from(job_level(&task.rules))) {
+            return Err(self.plan.damaged("it has other cubes than the tree"));
+        }
+        let found = meta.shard.as_ref().map_or(0, |planned| planned.found.pieces);
+        task.cut_by(work, 0, found);
+        let corners = CornerGrid::from_jumps(NodeKey::ROOT, sort_cubes(&task.rules).stride(), jumps);
+        let corners = corners.ok_or_else(|| self.plan.damaged("it has other corners than the tree"))?;
+        let triangles = self.plan.triangles(task.cubes().kept(), task.room.file());
+        let sorted = SortedPieces::kept_elsewhere(corners, Box::new(triangles));
+        clock.lap("open plan");
+        Ok((Soup { device: options.resources.device.clone(), open: None }, sorted))
     }
-    task.cut_by(work, 0, planned.found.pieces);
-    let kept = task.cubes().kept();
-    let corners = CornerGrid::from_jumps(NodeKey::ROOT, cubes.stride(), jumps);
-    let corners = corners.ok_or_else(|| damaged("it has other corners than the tree"))?;
-    let triangles = plan.triangles(kept, task.room.file());
-    let sorted = SortedPieces::kept_elsewhere(corners, Box::new(triangles));
-    clock.lap("open plan");
-    let device = options.resources.device.clone();
-    task.build(&Soup { device, open: None }, sorted, progress)?;
-    plan.check()?;
-    clock.lap("build");
-    let BuildCounts { facets, degenerate_facets, .. } = task.meta.numbers;
-    let read = FacetsSummary { facets, degenerate_facets, ..FacetsSummary::default() };
-    task.finish(InputSummary::Facets(read), clock, progress)
+
+    fn complete(self, _: Soup, task: &mut Task, _: &mut Clock, _: BuildContext<'_>) -> Result<InputSummary> {
+        self.plan.check()?;
+        let BuildCounts { facets, degenerate_facets, .. } = task.meta.numbers;
+        let read = FacetsSummary { facets, degenerate_facets, ..FacetsSummary::default() };
+        Ok(InputSummary::Facets(read))
+    }
 }

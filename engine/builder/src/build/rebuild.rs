@@ -1,6 +1,6 @@
 //! A build that is begun anew because its device was caught with a wrong brick.
 
-use super::pipeline::{BuildOptions, CommitOptions};
+use super::options::{BuildOptions, CommitOptions};
 use super::resources::Resources;
 use super::summary::BuildSummary;
 use crate::backend::Vulkan;

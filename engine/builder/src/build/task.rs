@@ -5,9 +5,8 @@ use super::clock::Clock;
 use super::cost::CostMap;
 use super::field::PieceField;
 use super::jobs::{BuildPlan, build_tree, job_level, sort_cubes};
-use super::orient;
+use super::options::{BuildOptions, CommitOptions};
 use super::partition::cut;
-use super::pipeline::{BuildOptions, CommitOptions};
 use super::resources::SpillResources;
 use super::rules::{Rules, TreeOptions};
 use super::sorted::SortedPieces;
@@ -17,7 +16,7 @@ use crate::brick::ThinFeatures;
 use crate::error::{Error, Result};
 use crate::ingest::Facets;
 use crate::lattice::RootCube;
-use crate::pieces::InsideOut;
+use crate::pieces::{Consistency, InsideOut, study};
 use crate::progress::Progress;
 use crate::store::{
     BeadsMeta, BuildCounts, Compression, Meta, Records, Shard, ShardNumbers, Source, Stats, StoreWriter,
@@ -172,7 +171,8 @@ impl Task {
         Ok(())
     }
 
-    /// The pieces that are inside out, if a whole tree is negative somewhere.
+    /// The pieces that are inside out, if a whole tree is negative somewhere; `None` also where there is too little memory to
+    /// find them.
     pub fn find_inside_out(
         &mut self,
         soups: &[&dyn Facets],
@@ -182,7 +182,12 @@ impl Task {
         if !is_negative || self.meta.shard.is_some() {
             return Ok(None);
         }
-        let found = orient::find_inside_out(soups, self.meta.root, self.room.memory(), progress);
+        let found = match study(soups, self.meta.root, Consistency::Given, self.room.memory(), progress) {
+            Ok((report, _)) => Ok(report.inside_out),
+            // There is too little memory to find them.
+            Err(Error::Setting { .. }) => Ok(None),
+            Err(error) => Err(error),
+        };
         self.keep(found)
     }
 

@@ -5,9 +5,13 @@ use super::clock::Clock;
 use super::cost::weigh_pieces;
 use super::forecast::{ForecastInput, foresee};
 use super::identity::{ListSources, ListedNodes, write_identity};
-use super::pipeline::{BuildOptions, Resolution, describe, place, place_by};
+use super::mesh_inputs::describe;
+use super::options::{BuildOptions, Resolution};
+use super::pipeline::{BuildContext, BuildSource, build_from};
+use super::place::{place, place_by};
 use super::rules::{SOLIDS, require_no_tolerance};
 use super::solids::sort_segments;
+use super::sorted::SortedPieces;
 use super::summary::{BeadsSummary, BuildSummary, InputSummary};
 use super::task::Task;
 use crate::brick::Count;
@@ -15,8 +19,8 @@ use crate::error::{Error, Result};
 use crate::ingest::Input;
 use crate::lattice::RootCube;
 use crate::progress::Progress;
-use crate::solid::{Outline, SolidProfile, Solids, bounds_of_beads, passes_of};
-use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, Source, check_target};
+use crate::solid::{Outline, Segment, SolidProfile, Solids, bounds_of_beads, passes_of};
+use crate::store::{BeadRow, BeadTables, BeadsMeta, IdentityPlace, SectionRow, Source};
 use crate::toolpath::{Attributes, Passes, Toolpath};
 use crate::volumes::bead_volumes;
 use std::path::Path;
@@ -51,58 +55,103 @@ pub fn build_beads(
     progress: &dyn Progress,
 ) -> Result<BuildSummary> {
     require_no_tolerance(options.tolerance, SOLIDS)?;
-    let mut clock = Clock::default();
-    check_target(output)?;
-    progress.phase("measuring", None, "beads");
-    let (min, max) = bounds_of_sources(sources, outline)?;
-    let first = sources.first().map(|source| Path::new(&source.source.path));
     let paths: Vec<&Toolpath> = sources.iter().map(|source| source.toolpath).collect();
-    let sizes = BeadSizes::of(&paths);
-    let (root, depth) = place_beads(first, (min, max), options.resolution, sizes.as_ref())?;
-    let pieces = ForecastInput::Beads(&paths, sizes);
-    foresee(&pieces, (root, depth), (min, max), output, options, progress)?;
-    clock.lap("measure");
-    let described = sources.iter().map(|source| source.source.clone()).collect();
-    let identity = options.identity.then(IdentityPlace::default);
-    let section = outline.name().to_owned();
-    let counted = (count == Count::Passes).then_some(0);
-    let beads = BeadsMeta { section, beads: 0, segments: 0, identity, passes: counted };
-    let mut task = Task::begin(described, (min, max), root, depth, output, options, Some(beads.clone()))?;
     let passes = passes_of(&paths, count);
-    let counted: Vec<_> = paths.iter().copied().zip(&passes).collect();
-    if task.measures_volumes() {
-        let memory = options.resources.memory / 8;
-        task.meta.volumes = Some(bead_volumes(&counted, outline, (min, max), memory, progress)?);
-        clock.lap("volumes");
+    let source = SolidsSource { sources, outline, count, paths, passes, segments: 0, named: None };
+    build_from(source, BuildContext { output, options, progress })
+}
+
+/// Beads as solids, as what a store is built from.
+struct SolidsSource<'a> {
+    sources: &'a [BeadSource<'a>],
+    outline: Outline,
+    count: Count,
+    paths: Vec<&'a Toolpath>,
+    /// The passes of each path.
+    passes: Vec<Passes>,
+    segments: u64,
+    /// All segments, if the store is to name beads.
+    named: Option<Vec<Segment>>,
+}
+
+impl BuildSource for SolidsSource<'_> {
+    type Field = Solids;
+
+    fn begin(&mut self, BuildContext { output, options, progress }: BuildContext<'_>) -> Result<Task> {
+        progress.phase("measuring", None, "beads");
+        let bounds = bounds_of_sources(self.sources, self.outline)?;
+        let first = self.sources.first().map(|source| Path::new(&source.source.path));
+        let sizes = BeadSizes::of(&self.paths);
+        let (root, depth) = place_beads(first, bounds, options.resolution, sizes.as_ref())?;
+        let pieces = ForecastInput::Beads(&self.paths, sizes);
+        foresee(&pieces, (root, depth), bounds, output, options, progress)?;
+        let described = self.sources.iter().map(|source| source.source.clone()).collect();
+        let identity = options.identity.then(IdentityPlace::default);
+        let section = self.outline.name().to_owned();
+        let passes = (self.count == Count::Passes).then_some(0);
+        let beads = BeadsMeta { section, beads: 0, segments: 0, identity, passes };
+        Task::begin(described, bounds, root, depth, output, options, Some(beads))
     }
-    let (solids, segments) = Solids::of_passes(&counted, root, outline)?;
-    let other = VOLUMES_OF_SEGMENT * segments.len() as u64;
-    task.cut(|cubes| weigh_pieces(&solids, &segments, cubes, progress), other)?;
-    clock.lap_if(task.meta.shard.is_some(), "weigh");
-    progress.phase("sorting", Some(segments.len() as u64), "segments");
-    let sorted = sort_segments(&solids, &segments, task.cubes(), progress)?;
-    let number = segments.len() as u64;
-    let all = paths.iter().map(|path| path.len() as u64).sum();
-    let last = segments.last().map_or(0, |segment| u64::from(segment.pass) + 1);
-    let of_all = beads.passes.map(|_| last);
-    task.meta.beads = Some(BeadsMeta { beads: all, segments: number, passes: of_all, ..beads });
-    let segments = options.identity.then_some(segments);
-    clock.lap("sort");
-    task.build(&solids, sorted, progress)?;
-    clock.lap("build");
-    if let Some(segments) = segments {
-        let mut tables = tables(sources, &solids)?;
-        if count == Count::Passes {
-            tables.passes = first_passes(&counted);
+
+    fn sort(
+        &mut self,
+        task: &mut Task,
+        clock: &mut Clock,
+        BuildContext { options, progress, .. }: BuildContext<'_>,
+    ) -> Result<(Solids, SortedPieces<Solids>)> {
+        let (outline, root) = (self.outline, task.meta.root);
+        if task.measures_volumes() {
+            let (memory, bounds) =
+                (options.resources.memory / 8, (task.meta.bounds_min, task.meta.bounds_max));
+            task.meta.volumes = Some(bead_volumes(&self.counted(), outline, bounds, memory, progress)?);
+            clock.lap("volumes");
         }
-        task.writer.begin_identity(tables);
-        let leaves = ListedNodes::of(task.writer.nodes(), task.meta.shard.as_ref());
-        let named = ListSources { solids: &solids, paths: &paths, count };
-        let written = write_identity(&named, segments, &leaves, &mut task.writer, progress);
-        task.keep(written)?;
-        clock.lap("identity");
+        let (solids, segments) = Solids::of_passes(&self.counted(), root, outline)?;
+        let other = VOLUMES_OF_SEGMENT * segments.len() as u64;
+        task.cut(|cubes| weigh_pieces(&solids, &segments, cubes, progress), other)?;
+        clock.lap_if(task.meta.shard.is_some(), "weigh");
+        progress.phase("sorting", Some(segments.len() as u64), "segments");
+        let sorted = sort_segments(&solids, &segments, task.cubes(), progress)?;
+        self.segments = segments.len() as u64;
+        if let Some(beads) = &mut task.meta.beads {
+            beads.beads = self.paths.iter().map(|path| path.len() as u64).sum();
+            beads.segments = self.segments;
+            let last = segments.last().map_or(0, |segment| u64::from(segment.pass) + 1);
+            beads.passes = beads.passes.map(|_| last);
+        }
+        self.named = options.identity.then_some(segments);
+        clock.lap("sort");
+        Ok((solids, sorted))
     }
-    task.finish(InputSummary::Beads(BeadsSummary { segments: number }), clock, progress)
+
+    fn complete(
+        mut self,
+        solids: Solids,
+        task: &mut Task,
+        clock: &mut Clock,
+        BuildContext { progress, .. }: BuildContext<'_>,
+    ) -> Result<InputSummary> {
+        if let Some(segments) = self.named.take() {
+            let mut tables = tables(self.sources, &solids)?;
+            if self.count == Count::Passes {
+                tables.passes = first_passes(&self.counted());
+            }
+            task.writer.begin_identity(tables);
+            let leaves = ListedNodes::of(task.writer.nodes(), task.meta.shard.as_ref());
+            let named = ListSources { solids: &solids, paths: &self.paths, count: self.count };
+            let written = write_identity(&named, segments, &leaves, &mut task.writer, progress);
+            task.keep(written)?;
+            clock.lap("identity");
+        }
+        Ok(InputSummary::Beads(BeadsSummary { segments: self.segments }))
+    }
+}
+
+impl SolidsSource<'_> {
+    /// The paths with their passes.
+    fn counted(&self) -> Vec<(&Toolpath, &Passes)> {
+        self.paths.iter().copied().zip(&self.passes).collect()
+    }
 }
 
 /// The number of each bead's first pass, and of all passes.
