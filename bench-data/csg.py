@@ -5,8 +5,10 @@
     bench-data/csg.py --program target/release/brickfield moves --count 10000
     bench-data/csg.py --program target/release/brickfield forms --cell 0.1
     bench-data/csg.py --program target/release/brickfield voids --count 1000
+    bench-data/csg.py --program target/release/brickfield points --count 1000000
 
-Piles are those of `make-input pile --triangles 1000000 --seed 1 -o pile-1.stl`. Manifold is `pip install manifold3d`.
+Piles are those of `make-input pile --triangles 1000000 --seed 1 -o pile-1.stl`. Manifold is `pip install manifold3d`, MeshLib
+`pip install meshlib`; points are compared with `pip install libigl`. Exit status 1 if any of them differs.
 """
 
 import argparse
@@ -66,7 +68,7 @@ def piles(args, folder):
         import numpy as np
     except ImportError:
         print("Manifold is not installed")
-        return
+        return meshlib(args)
 
     def beads(path):
         data = np.fromfile(path, dtype=np.uint8)[84:].reshape(-1, 50)[:, 12:48].copy().view("<f4").reshape(-1, 3, 3)
@@ -92,6 +94,74 @@ def piles(args, folder):
     left = both[0] - both[1]
     triangles = left.num_tri()
     told("Manifold A - B of the unions", time.time() - begun, f"{triangles} triangles, {left.status()}")
+    meshlib(args)
+
+
+def meshlib(args):
+    """A minus B by MeshLib, as the files are."""
+    try:
+        from meshlib import mrmeshpy
+    except ImportError:
+        print("MeshLib is not installed")
+        return
+    begun = time.time()
+    a, b = (mrmeshpy.loadMesh(str(path)) for path in (args.a, args.b))
+    told("MeshLib reads both", time.time() - begun)
+    begun = time.time()
+    result = mrmeshpy.boolean(a, b, mrmeshpy.BooleanOperation.DifferenceAB)
+    what = result.errorString if not result.valid() else f"{result.mesh.topology.numValidFaces()} triangles"
+    told("MeshLib A - B", time.time() - begun, what)
+
+
+def turned_boxes(path, count, rng):
+    """Boxes of all sizes and turns, of which some lie within others, as binary STL. Returns corners and facets."""
+    import numpy as np
+
+    points, faces = [], []
+    quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
+    for n in range(count):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        turn[:, 0] *= np.sign(np.linalg.det(turn))
+        half = np.exp(rng.uniform(np.log(0.3), np.log(2.5), 3))
+        corners = np.array([[half[a] * (1 if c >> a & 1 else -1) for a in range(3)] for c in range(8)])
+        first = len(points)
+        # The first two keep the others within their own box, so that the lattices of all agree.
+        place = [-9.5, 9.5][n] * np.ones(3) if n < 2 else rng.uniform(-5, 5, 3)
+        points.extend((corners if n > 1 else corners / abs(corners) / 10) @ turn.T + place)
+        for a, b, c, d in quads:
+            faces += [[first + a, first + b, first + c], [first + a, first + c, first + d]]
+    points, faces = np.array(points, np.float32), np.array(faces)
+    data = b"".join(bytes(12) + points[face].astype("<f4").tobytes() + bytes(2) for face in faces)
+    Path(path).write_bytes(b" " * 80 + struct.pack("<I", len(faces)) + data)
+    return points.astype(float), faces
+
+
+def points(args, folder):
+    """Samples of three results at random places of the lattice, beside the sums over all facets of both inputs."""
+    import igl
+    import numpy as np
+
+    rng = np.random.default_rng(args.seed)
+    meshes = [turned_boxes(folder / f"{name}.stl", args.boxes, rng) for name in "ab"]
+    a, b = folder / "a.brf", folder / "b.brf"
+    run(args.program, "build", folder / "a.stl", "-o", a, "--depth", args.depth, "-q")
+    run(args.program, "build", folder / "b.stl", "-o", b, "--like", a, "-q")
+    root = json.loads(run(args.program, "info", a, "--json")[0])["root"]
+    cells = 32 << int(args.depth)
+    at = np.array(root["origin"]) + rng.integers(0, cells, (args.count, 3)) * (root["edge"] / cells)
+    inside = [np.rint(igl.winding_number(v, f, at)) > 0 for v, f in meshes]
+    truths = {"--minus": inside[0] & ~inside[1], "--plus": inside[0] | inside[1], "--and": inside[0] & inside[1]}
+    table, wrong, out = folder / "points.csv", 0, folder / "out.brf"
+    np.savetxt(table, at, fmt="%.17g", delimiter=",")
+    for option, truth in truths.items():
+        run(args.program, "csg", a, option, b, "-o", out, "-q")
+        lines, seconds = run(args.program, "sample", out, "--points", table)
+        w = np.array([float(line.rsplit(",", 1)[1]) for line in lines.splitlines()[1:]])
+        # Places are rounded to 2^-15 of a cell, and lie between their sample and the next one.
+        differ = int((abs(w - truth) > 1e-3).sum())
+        wrong += differ
+        told(f"sample A {option} B", seconds, f"{len(w)} points, {int(truth.sum())} inside, {differ} differ")
+    sys.exit(wrong > 0)
 
 
 def path_of(count):
@@ -211,9 +281,14 @@ def main():
     of_voids = commands.add_parser("voids")
     of_voids.add_argument("--count", type=int, default=1000)
     of_voids.add_argument("--cell", default="0.2")
+    of_points = commands.add_parser("points")
+    of_points.add_argument("--count", type=int, default=1_000_000)
+    of_points.add_argument("--boxes", type=int, default=60)
+    of_points.add_argument("--depth", default="4")
+    of_points.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        {"piles": piles, "moves": moves, "forms": forms, "voids": voids}[args.command](args, Path(folder))
+        {"piles": piles, "moves": moves, "forms": forms, "voids": voids, "points": points}[args.command](args, Path(folder))
 
 
 if __name__ == "__main__":

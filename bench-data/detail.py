@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Meshes of a size asked for: triangles, volume, distances and time, beside decimation of the fine mesh.
 
-    python3 -m venv venv && venv/bin/pip install numpy fast-simplification meshoptimizer
+    python3 -m venv venv && venv/bin/pip install numpy fast-simplification meshoptimizer pymeshlab meshlib
     venv/bin/python bench-data/detail.py --program target/release/brickfield STORE.brf... --triangles 10000 100000
     ... --peers                      # decimates the fine mesh of each store, too
     venv/bin/python bench-data/detail.py --tetrahedra MESH.stl    # needs `pip install gmsh`
@@ -87,11 +87,51 @@ def meshoptimizer(positions, triangles, most):
     return positions, out[:count].reshape(-1, 3)
 
 
+def pymeshlab(positions, triangles, most):
+    import pymeshlab as peer
+
+    meshes = peer.MeshSet()
+    meshes.add_mesh(peer.Mesh(positions.astype(float), triangles.astype("int32")))
+    meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=most, preservetopology=True, optimalplacement=True)
+    mesh = meshes.current_mesh()
+    return mesh.vertex_matrix(), mesh.face_matrix()
+
+
+def meshlib(positions, triangles, most):
+    from meshlib import mrmeshnumpy, mrmeshpy
+
+    mesh = mrmeshnumpy.meshFromFacesVerts(triangles.astype("int32"), positions)
+    settings = mrmeshpy.DecimateSettings()
+    settings.maxDeletedFaces = len(triangles) - most
+    settings.maxError = 1e9
+    settings.packMesh = True
+    mrmeshpy.decimateMesh(mesh, settings)
+    return mrmeshnumpy.getNumpyVerts(mesh), mrmeshnumpy.getNumpyFaces(mesh.topology)
+
+
+def apart(program, store, mesh, folder):
+    """Distances of the store's surface to a mesh, rms and within which 99.8 % lie, and those of the mesh to the surface."""
+    told = run(program, "deviation", store, mesh, "-o", folder / "apart.ply")
+
+    def of(way):
+        ends = told[way]["percentiles"]
+        return f"{told[way]['rms']:.3f}, {max(abs(ends['0.1']), abs(ends['99.9'])):.2f}"
+
+    return " | ".join(of(way) for way in ("part_to_reference", "reference_to_part"))
+
+
 def peers(program, store, most, fine, folder):
-    """Rows of the decimated fine mesh."""
-    expected = run(program, "mesh", store, "-o", folder / "again.ply", "--triangles", most)["expected"]["volume"]
+    """Rows of our mesh and of the decimated fine mesh."""
+    out = folder / "ours.ply"
+    made = run(program, "mesh", store, "-o", out, "--triangles", most, "--check")
+    expected = made["expected"]["volume"]
+    print(
+        f"| {store.stem} | {most:,} | Brickfield | {made['triangles']:,} | {100 * (made['volume'] / expected - 1):+.2f} "
+        f"| {'sound' if made['check']['sound'] else 'NOT SOUND'} | 0 | {apart(program, store, out, folder)} | {made['seconds']:.1f} |",
+        flush=True,
+    )
     positions, triangles = fine
-    for peer in (fast_simplification, meshoptimizer):
+    for peer in (fast_simplification, meshoptimizer, pymeshlab, meshlib):
         began = time.time()
         try:
             result = peer(positions, triangles, most)
@@ -108,7 +148,7 @@ def peers(program, store, most, fine, folder):
         volume = f"{100 * (check['volume'] / expected - 1):+.2f}" if check["volume"] is not None else "none"
         print(
             f"| {store.stem} | {most:,} | {peer.__name__} | {len(result[1]):,} | {volume} | {closed}, {manifold} "
-            f"| {pairs} | {seconds:.1f} |",
+            f"| {pairs} | {apart(program, store, out, folder)} | {seconds:.1f} |",
             flush=True,
         )
 
@@ -152,7 +192,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         if chosen.peers:
-            print("| store | asked | peer | triangles | volume off, % | surface | crossing pairs | s |\n|---|---|---|---|---|---|---|---|")
+            print("| store | asked | peer | triangles | volume off, % | surface | crossing pairs | store to mesh: rms, 99.8 %, mm | mesh to store | s |\n|---|---|---|---|---|---|---|---|---|---|")
         else:
             print(
                 "| store | asked | triangles | cell, mm | tolerance, mm | volume off, % | mesh to store at 99.9%, mm (cells) "

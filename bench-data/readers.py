@@ -225,6 +225,15 @@ MESH_READERS = [
         "assert set(m.cell_data) == {'bead', 'layer', 'feature'} and m.cell_data['layer'].min() >= -1",
     ),
     (
+        # Each triangle has its own corners there, and each corner the numbers of its triangle.
+        "trimesh",
+        "beads.glb",
+        "import trimesh, pyvista, numpy as np; m = trimesh.load(W, process=False, force='mesh'); a = m.vertex_attributes; "
+        "told = pyvista.read(W[:-3] + 'vtp').cell_data; assert set(told) == {'bead', 'layer', 'feature'}; "
+        "assert all((a['_' + n.upper()].reshape(-1, 3) == np.asarray(told[n])[:, None]).all() for n in told); "
+        "V = solid(m.vertices, m.faces); V[0] = len(np.unique(np.asarray(m.vertices), axis=0))",
+    ),
+    (
         "lib3mf",
         "a.3mf",
         "import lib3mf; from lib3mf import get_wrapper; model = get_wrapper().CreateModel(); "

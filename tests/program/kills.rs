@@ -288,6 +288,30 @@ fn a_full_disk_is_an_error_and_what_was_committed_stays() {
 }
 
 #[test]
+fn a_full_disk_ends_analyses_and_leaves_nothing() {
+    let dir = Scratch::new();
+    let (store, other) = (dir.store("clover_beads", 2), stl("clover_model"));
+    let moves = dir.file("moves.nc", "G21 G90\nG0 X60 Y100 Z24\nG1 X140 F500\nM30\n");
+    let commands: [(&str, &[&dyn AsRef<OsStr>]); 10] = [
+        ("walls.ply", &[&"thickness", &store]),
+        ("apart.ply", &[&"deviation", &store, &other]),
+        ("grown.brf", &[&"offset", &store, &"--by", &"0.5mm"]),
+        ("cut.brf", &[&"csg", &store, &"--minus", &other]),
+        ("milled.brf", &[&"machine", &store, &moves, &"--tool", &"ball:6mm"]),
+        ("coarse.ply", &[&"mesh", &store, &"--detail", &"2mm"]),
+        ("v.vdb", &[&"export", &store]),
+        ("v.vtkhdf", &[&"export", &store]),
+        ("s.bsp", &[&"splats", &store]),
+        ("picture.png", &[&"render", &store, &"--size", &"600x600"]),
+    ];
+    for (name, args) in commands {
+        let path = dir.path(name);
+        let args: Vec<&dyn AsRef<OsStr>> = args.iter().copied().chain([&"-o" as _, &path as _]).collect();
+        full(&dir, name, &args);
+    }
+}
+
+#[test]
 fn results_that_do_not_fit_are_an_error() {
     let dir = Scratch::new();
     let store = dir.store("overlap_boxes", 1);

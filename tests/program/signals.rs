@@ -1,7 +1,9 @@
 //! Being interrupted, and being no longer listened to.
 
 use crate::support::*;
+use std::ffi::OsStr;
 use std::io::Read;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -46,6 +48,66 @@ fn an_interrupted_export_leaves_nothing() {
     let line = interrupt(child, &dir, "w.npy.part", "-INT").ended_by(2);
     assert!(line.contains("interrupted"), "{line}");
     assert_eq!(dir.names(), ["overlap_boxes-5.brf"]);
+}
+
+/// Runs a command to its end, and then interrupts it after parts of that time: it ends with its result, or leaves nothing, or says
+/// that it goes on from what it leaves. Returns how often it was interrupted.
+fn interrupt_at_parts(dir: &Scratch, output: &str, args: &[&dyn AsRef<OsStr>]) -> u32 {
+    let (before, path) = (dir.names(), dir.path(output));
+    let run_to = |out: &Path| {
+        let mut command = program();
+        command.args(args.iter().map(AsRef::as_ref)).arg("-o").arg(out);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    };
+    let started = Instant::now();
+    let first = run_to(&path).spawn().unwrap().wait_with_output().unwrap();
+    let time = started.elapsed();
+    assert!(first.status.success(), "{output}: {}", String::from_utf8_lossy(&first.stderr));
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let mut interrupted = 0;
+    for part in [0.15, 0.4, 0.6, 0.8, 0.9, 0.97] {
+        let child = run_to(&path).spawn().unwrap();
+        std::thread::sleep(time.mul_f64(part));
+        let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let ran = Run::from(child.wait_with_output().unwrap());
+        if ran.status == Some(0) {
+            assert!(std::fs::read(&path).unwrap() == whole, "{output}");
+            std::fs::remove_file(&path).unwrap();
+            continue;
+        }
+        let line = ran.ended_by(2);
+        assert!(line.contains("interrupted"), "{output}: {line}");
+        interrupted += 1;
+        let left = dir.names().into_iter().filter(|name| !before.contains(name)).collect::<Vec<_>>();
+        match line.contains("goes on from there") {
+            true => assert_eq!(left, [format!("{output}.journal"), format!("{output}.part")]),
+            false => assert_eq!(left, [""; 0], "{output} at {part}"),
+        }
+        left.iter().for_each(|name| std::fs::remove_file(dir.path(name)).unwrap());
+    }
+    interrupted
+}
+
+#[test]
+fn interrupted_analyses_leave_nothing() {
+    let dir = Scratch::new();
+    let (store, other) = (dir.store("clover_beads", 2), stl("clover_model"));
+    let commands: [(&str, &[&dyn AsRef<OsStr>]); 8] = [
+        ("walls.ply", &[&"thickness", &store]),
+        ("walls.glb", &[&"thickness", &store, &"--method", &"ray"]),
+        ("apart.ply", &[&"deviation", &store, &other]),
+        ("apart.vtp", &[&"deviation", &store, &other]),
+        ("grown.brf", &[&"offset", &store, &"--by", &"0.5mm"]),
+        ("cut.brf", &[&"csg", &store, &"--minus", &other]),
+        ("voids.csv", &[&"voids", &store]),
+        ("coarse.ply", &[&"mesh", &store, &"--detail", &"2mm"]),
+    ];
+    for (output, args) in commands {
+        let interrupted = interrupt_at_parts(&dir, output, args);
+        assert!(interrupted > 0, "{output} was never interrupted");
+    }
 }
 
 #[test]
