@@ -351,3 +351,25 @@ fn every_room_has_its_line_in_the_architecture() {
         assert!(section.lines().any(named), "the section on rooms does not name `{room}`");
     }
 }
+
+/// Tables of files in the heads of modules name files that are there.
+#[test]
+fn tables_of_files_name_files() {
+    let mut wrong = Vec::new();
+    // The head of the facade has a table of features.
+    for (name, file, text) in engine().into_iter().filter(|(name, ..)| !name.is_empty()) {
+        let folder = module_of(&file).join("/");
+        for row in text.lines().filter_map(|line| line.strip_prefix("//! | `")) {
+            let names = row.split('|').next().unwrap_or_default();
+            for named in
+                names.split('`').map(|part| part.trim_matches([',', ' '])).filter(|part| !part.is_empty())
+            {
+                let below = source_of(name).join(&folder).join(named);
+                if !below.with_extension("rs").exists() && !below.is_dir() {
+                    wrong.push(format!("engine/{name}/src/{file} names `{named}`"));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}

@@ -290,13 +290,13 @@ fn a_full_disk_is_an_error_and_what_was_committed_stays() {
 #[test]
 fn a_full_disk_ends_analyses_and_leaves_nothing() {
     let dir = Scratch::new();
-    let (store, other) = (dir.store("clover_beads", 2), stl("clover_model"));
+    let (store, other) = (dir.store("clover_beads", 2), stl("clover_beads"));
     let moves = dir.file("moves.nc", "G21 G90\nG0 X60 Y100 Z24\nG1 X140 F500\nM30\n");
     let commands: [(&str, &[&dyn AsRef<OsStr>]); 10] = [
         ("walls.ply", &[&"thickness", &store]),
         ("apart.ply", &[&"deviation", &store, &other]),
         ("grown.brf", &[&"offset", &store, &"--by", &"0.5mm"]),
-        ("cut.brf", &[&"csg", &store, &"--minus", &other]),
+        ("cut.brf", &[&"csg", &store, &"--minus", &"sphere 100,100,12,r20"]),
         ("milled.brf", &[&"machine", &store, &moves, &"--tool", &"ball:6mm"]),
         ("coarse.ply", &[&"mesh", &store, &"--detail", &"2mm"]),
         ("v.vdb", &[&"export", &store]),

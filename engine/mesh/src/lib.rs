@@ -1,4 +1,7 @@
 //! The isosurface of a tree of bricks: manifold, without self-intersections, out of core; and mesh files.
+//!
+//! It is the largest crate, of 21,000 lines, a sixth of them tests: the stages share one cache of leaves, so none can be
+//! carved out.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 

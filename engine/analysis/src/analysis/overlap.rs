@@ -4,7 +4,7 @@
 //! pass there, by the rule that the store was built by. Samples of pairs add up to Σ w(w − 1)/2 exactly, which is checked
 //! against the store's own samples; chords along lines beside them are nearer to the volume.
 
-use super::overlap_leaf::{LINES, PairSums, of_leaf};
+use super::overlap_leaf::{LINES, PART_BITS, PairSums, of_leaf};
 use super::solids_of;
 use super::volume::spread;
 use crate::error::Result;
@@ -13,8 +13,6 @@ use crate::progress::Progress;
 use crate::store::{BeadTables, BrickTree, Leaf, LeafOrder, Store, visit};
 use std::collections::BTreeMap;
 
-/// log₂ of the parts of a unit in which chords count.
-pub(super) const PART_BITS: u32 = 13;
 /// Parts of a unit.
 const PARTS: f64 = (1u32 << PART_BITS) as f64;
 /// Pairs without a sample of their own that have less than this share of a cell are what touching faces round to.

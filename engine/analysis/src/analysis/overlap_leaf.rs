@@ -1,12 +1,13 @@
 //! The overlaps of passes within one leaf.
 
-use super::overlap::PART_BITS;
 use crate::brick::Brick;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, GOLDEN, NodeKey, mix};
 use crate::solid::{Segment, Solids, for_lines, for_samples};
 use crate::store::{BeadSegment, Leaf};
 use std::collections::BTreeMap;
 
+/// log₂ of the parts of a unit in which chords count.
+pub(super) const PART_BITS: u32 = 13;
 /// Rows of samples that a brick owns.
 const ROWS: usize = BRICK_CELLS * BRICK_CELLS;
 /// Lines along an axis that a cell has, and parts of each of its sides that they stand in.

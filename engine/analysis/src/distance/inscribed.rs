@@ -3,9 +3,10 @@
 //! Whatever its centre, a ball whose radius is the distance of the centre from the surface holds no surface. So a place that is
 //! wrong costs size and never truth.
 
+use super::answers::{BallAt, Place};
 use super::patch::Shape;
 use super::sides::Sides;
-use super::surface::{BallAt, Place, Surface};
+use super::surface::Surface;
 use super::thickness::{PreviousContact, largest_ball};
 use crate::error::Result;
 use crate::lattice::{dot, minus};

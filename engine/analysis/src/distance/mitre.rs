@@ -3,11 +3,12 @@
 //! Outward of a crease the nearest point is the crease itself, so that an offset is round there. The offset of the planes that
 //! meet in it ends where they do: in a mitre. A crease is known by corners of patches that lie on it, less than a cell apart.
 
+use super::answers::Place;
 use super::boxes::{Boxes, Lanes, Normals, Probe, Question, WIDE, block_of};
 use super::patch::Patch;
 use super::piece::Piece;
 use super::questions::PatchQuestion;
-use super::surface::{Place, Surface};
+use super::surface::Surface;
 use crate::error::{Error, Result};
 use crate::lattice::{dot, minus};
 use crate::progress::Progress;

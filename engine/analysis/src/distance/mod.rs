@@ -35,6 +35,7 @@
 //! | `scalar_mesh` | meshes whose vertices have a number |
 
 mod align;
+mod answers;
 mod around;
 mod balls;
 mod band;
@@ -68,12 +69,13 @@ mod triangle_sort;
 mod triangles;
 
 pub use align::{ALIGNED_POINTS, Align, align};
+pub use answers::{BallAt, Foot, Place};
 pub use band::{BAND, DistanceTree};
 pub use local::{LocalOf, LocalThickness};
 pub use numbers::PointNumbers;
 pub use regions::Region;
 pub use scalar_mesh::{SCALAR_ENDINGS, ScalarMesh};
 pub use sides::Sides;
-pub use surface::{BallAt, Foot, PatchInfo, Place, Surface};
+pub use surface::{PatchInfo, Surface};
 pub use tally::LocalSpread;
 pub use triangles::{Nearest, PreviousPlace, Triangles};

@@ -1,9 +1,10 @@
 //! Offsets and shells of a part as new stores: a lattice of signs of distance − length, with exact crossings.
 
+use super::answers::Foot;
 use super::mitre::Mitres;
 use super::sample_box::SampleBox;
 use super::sides::{DeepBrick, FAR, Sides};
-use super::surface::{Foot, Surface};
+use super::surface::Surface;
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube, minus};

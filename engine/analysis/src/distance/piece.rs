@@ -1,9 +1,9 @@
 //! The patches of one leaf, with boxes around them.
 
+use super::answers::Place;
 use super::boxes::{Block, Boxes, block_of};
 use super::patch::{Crossing, Patch, Shape};
 use super::spilled::Spill;
-use super::surface::Place;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::EdgeFacet;
 use crate::lattice::{Axis, NodeKey, RootCube, morton};

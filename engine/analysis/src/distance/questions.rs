@@ -1,10 +1,10 @@
 //! What is asked of the patches of a surface: the nearest point, the normal around, where a ray passes, how large a ball is.
 
+use super::answers::{BallAt, Foot, Place};
 use super::around::{AROUND, Around};
 use super::boxes::{Block, Lanes, Normals, Probe, Question, WIDE, reciprocals};
 use super::patch::{Patch, Shape, Touch};
 use super::piece::Piece;
-use super::surface::{BallAt, Foot, Place};
 use crate::error::Result;
 use crate::lattice::{dot, minus};
 

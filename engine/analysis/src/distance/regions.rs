@@ -1,6 +1,7 @@
 //! Connected regions of patches whose value was asked about.
 
-use super::surface::{PatchInfo, Place, Surface};
+use super::answers::Place;
+use super::surface::{PatchInfo, Surface};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;

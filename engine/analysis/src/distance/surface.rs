@@ -1,5 +1,6 @@
 //! The surface of a store as patches, found by place: nearest points, rays, and balls that touch it.
 
+use super::answers::{BallAt, Foot, Place};
 use super::boxes::{Block, Boxes, Lanes, Normals, Question, WIDE};
 use super::patch::Patch;
 use super::piece::Piece;
@@ -14,30 +15,6 @@ use std::path::Path;
 
 /// How far below the surface the solid is asked whose it is, in cells.
 const INNER: f64 = 0.3;
-
-/// Which patch: its leaf among those with surface, and its number there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Place {
-    /// Number of the leaf.
-    pub leaf: u32,
-    /// Number of the patch.
-    pub patch: u32,
-}
-
-/// A point of the surface. Lengths are in cells of the deepest level, places counted from the root's first sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Foot {
-    /// Where it is.
-    pub at: [f64; 3],
-    /// The unit normal there, outward.
-    pub normal: [f64; 3],
-    /// How far it is from what was asked about.
-    pub distance: f64,
-    /// Whether what was asked about lies on the inner side.
-    pub inside: bool,
-    /// Its patch.
-    pub place: Place,
-}
 
 /// The surface w = 0.5 of a tree, made once: about 150 bytes a vertex of its mesh, in a file beside memory where they are more
 /// than allowed.
@@ -271,15 +248,4 @@ pub struct PatchInfo {
     pub area: f64,
     /// Corners of its polygon in 512ths of a cell, which tell which patches touch.
     pub corners: Vec<[i64; 3]>,
-}
-
-/// Where a ball touches the surface.
-#[derive(Clone, Copy, Debug)]
-pub struct BallAt {
-    /// The place, in cells.
-    pub at: [f64; 3],
-    /// Unit vector from there to the ball's centre.
-    pub toward: [f64; 3],
-    /// The outward unit normal of the surface there.
-    pub outward: [f64; 3],
 }

@@ -1,7 +1,8 @@
 //! Thickness of walls, and width of gaps, at points of the surface.
 
+use super::answers::{BallAt, Foot, Place};
 use super::regions::{Region, joined, marked};
-use super::surface::{BallAt, Foot, PatchInfo, Place, Surface};
+use super::surface::{PatchInfo, Surface};
 use crate::error::Result;
 use crate::lattice::dot;
 use crate::progress::Progress;

@@ -4,7 +4,7 @@
 //! the rule that the crossing was made by. So the segment whose interval ends at the crossing is the one, and nothing needs
 //! to be kept of it beside the crossing itself.
 
-use super::boundary::VoidCrossing;
+use super::crossing::VoidCrossing;
 use crate::analysis::{leaf_at, solids_of};
 use crate::error::Result;
 use crate::lattice::{NodeKey, Units};

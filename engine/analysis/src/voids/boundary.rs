@@ -2,30 +2,15 @@
 
 use super::around::{SurroundingSegments, Tracer};
 use super::components::Components;
+use super::crossing::each_crossing;
 use super::labelling::Labelling;
 use super::points::{OUTER, Point};
 use super::pores::Pores;
-use crate::brick::{Brick, HermiteEdge};
 use crate::error::Result;
-use crate::lattice::{Axis, BRICK_CELLS, NodeKey};
+use crate::lattice::NodeKey;
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf};
 use std::collections::BTreeMap;
-
-/// A crossing of a lattice edge whose end outside belongs to a void, or to the outside.
-pub(super) struct VoidCrossing {
-    pub axis: Axis,
-    /// Lower sample of the edge in the leaf.
-    pub low: [usize; 3],
-    pub low_is_inside: bool,
-    /// Where it is, in lattice units from the root's corner.
-    pub at: [f64; 3],
-    /// Unit normal, outward.
-    pub normal: [f64; 3],
-    /// What of the surface it stands for, in squares of the edge: lines along all axes meet a surface with the sum of its
-    /// normal's components.
-    pub share: f64,
-}
 
 /// What is gathered along the boundaries.
 #[derive(Default)]
@@ -112,37 +97,4 @@ impl Boundaries {
         self.voids.iter_mut().for_each(|all| all.extend(&voids));
         self.outer.iter_mut().for_each(|all| all.extend(&outer));
     }
-}
-
-/// Calls `each` with the crossings of the edges that a leaf owns.
-pub(super) fn each_crossing(key: NodeKey, brick: &Brick, mut each: impl FnMut(VoidCrossing)) {
-    let Brick::Counts { samples, hermite } = brick else { return };
-    let signs = crate::brick::SignChanges::of(samples);
-    if hermite.edges.each_ref().map(Vec::len) != signs.counts() {
-        return;
-    }
-    let step = f64::from(1u32 << key.spacing_bits());
-    for axis in Axis::ALL {
-        signs.for_crossings(axis, hermite, |low, edge| {
-            if low.iter().all(|&c| c < BRICK_CELLS) {
-                each(crossing(key, axis, low, signs.is_inside(low), edge, step));
-            }
-        });
-    }
-}
-
-fn crossing(
-    key: NodeKey,
-    axis: Axis,
-    low: [usize; 3],
-    low_is_inside: bool,
-    edge: HermiteEdge,
-    step: f64,
-) -> VoidCrossing {
-    let mut at = low.map(|c| c as f64);
-    at[axis.index()] += edge.fraction();
-    let normal = edge.normal.to_vector();
-    let share = step * step / normal.iter().map(|c| c.abs()).sum::<f64>();
-    let at = [0, 1, 2].map(|a| f64::from(key.base()[a]) + 1.0 + at[a] * step);
-    VoidCrossing { axis, low, low_is_inside, at, normal, share }
 }

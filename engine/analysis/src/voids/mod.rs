@@ -7,7 +7,7 @@
 //! | `labelling` | components of the tree, joined across leaves |
 //! | `border` | leaves beyond which others are to come, and disjoint sets |
 //! | `surface` | area from the polygons of the contour |
-//! | `boundary` | crossings around voids |
+//! | `crossing`, `boundary` | crossings in a leaf; those around voids |
 //! | `outline` | crossings around each void, for other rooms |
 //! | `points` | distances between them |
 //! | `pores` | voids that open through a throat |
@@ -22,7 +22,8 @@
 //! | `trace` | what is told of both |
 //! | `cad` | what of a void lies within another tree |
 //! | `role` | what features are |
-//! | `class` | whether a void is meant to be |
+//! | `class`, `classify` | whether a void is meant to be |
+//! | `void` | what is known of one |
 //! | `find` | all of it |
 //! | `place` | the void at a place |
 //! | `labels` | numbers of voids as a dense grid |
@@ -33,8 +34,10 @@ mod boundary;
 mod cad;
 mod cells;
 mod class;
+mod classify;
 mod components;
 mod covered;
+mod crossing;
 mod enclosing_ball;
 mod find;
 mod gaps;
@@ -52,11 +55,12 @@ mod slabs;
 mod surface;
 mod totals;
 mod trace;
+mod void;
 mod wanted;
 
 pub use class::Class;
 pub use components::Connectivity;
-pub use find::{Detail, Seal, Void, VoidOptions, Voids, find};
+pub use find::{Detail, VoidOptions, Voids, find};
 pub use labelling::{Component, Labelling, label};
 pub use labels::write_labels;
 pub use measure::Sums;
@@ -65,6 +69,7 @@ pub use place::VoidPlaces;
 pub use slabs::{Slab, slabs};
 pub use totals::Total;
 pub use trace::{Trace, TracedLine};
+pub use void::{Seal, Void};
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,7 @@
 //! The crossings around each void, for whoever measures them against other bodies.
 
-use super::boundary::each_crossing;
 use super::components::Components;
+use super::crossing::each_crossing;
 use super::find::Voids;
 use crate::error::Result;
 use crate::lattice::NodeKey;

@@ -5,9 +5,10 @@
 //! numbers beyond 16 bits end in an error. After a device was lost, everything is the processor's.
 
 use super::batch::{BatchLeaf, unpack};
-use super::check::{KernelSet, check};
+use super::check::check;
 use super::device_queue::{DeviceQueue, Submission};
-use super::nodes::NodeBrick;
+use super::node_brick::NodeBrick;
+use super::trust::KernelSet;
 use super::vulkan::Vulkan;
 use crate::brick::{Brick, ThinFeatures, ThinLines};
 use crate::error::Result;

@@ -7,7 +7,8 @@
 //! Bounds hold for every device that keeps to Vulkan's table of precisions: units below are its ULP, twice the error
 //! of rounding to the nearest.
 
-use super::check::{CheckCandidate, KernelSet};
+use super::check::CheckCandidate;
+use super::trust::KernelSet;
 use super::vulkan::Vulkan;
 use crate::brick::{POINTS, Samples};
 use crate::error::Result;

@@ -1,7 +1,7 @@
 //! A Vulkan device that evaluates the bricks of closed soups.
 
-use super::check::{DeviceCheck, DeviceTrust};
 use super::report::DeviceReport;
+use super::trust::{DeviceCheck, DeviceTrust};
 use crate::gpu::{DeviceFailure, DeviceLane, Gpu, Seconds};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -1,6 +1,6 @@
 //! Joins the subtrees of a tree, which come one after the other along the Morton curve, to the nodes above them.
 
-use super::subtree::corner_at;
+use super::corners::corner_at;
 use crate::brick::Brick;
 use crate::lattice::NodeKey;
 use crate::store::{Compression, JoinedNode, Records, join};

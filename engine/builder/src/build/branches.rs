@@ -3,10 +3,11 @@
 
 use super::assemble::{Assembler, Opening};
 use super::bins::Binner;
+use super::corners::corner_at;
 use super::field::PieceField;
-use super::jobs::{BuildPlan, RecordSink, sort_level};
+use super::scope::{BuildPlan, RecordSink, sort_level};
 use super::sorted::SortedPieces;
-use super::subtree::{STRIDE, SubtreeBuilder, SubtreeRoot, corner_at};
+use super::subtree::{STRIDE, SubtreeBuilder, SubtreeRoot};
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
 use crate::progress::Progress;

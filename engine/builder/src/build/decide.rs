@@ -1,9 +1,9 @@
 //! What becomes of a node of a tree whose nodes decide for themselves.
 
 use super::bins::Binner;
+use super::corners::corner_at;
 use super::field::{BrickEvaluation, PieceField, PieceList};
 use super::rules::Rules;
-use super::subtree::corner_at;
 use crate::backend::BatchLeaf;
 use crate::brick::{Brick, Samples, ThinFeatures};
 use crate::contour::has_one_sheet;

@@ -1,11 +1,12 @@
 //! Small trees in memory, without a store.
 
 use super::field::PieceField;
-use super::jobs::{BuildPlan, build_tree, sort_cubes};
+use super::jobs::build_tree;
 use super::mixed::{self, MIXED};
 use super::open::OpenSoup;
 use super::resources::SpillResources;
 use super::rules::{OPEN, POINTS, Rules, SOLIDS, TreeOptions, require_no_tolerance};
+use super::scope::{BuildPlan, sort_cubes};
 use super::snap::snap;
 use super::solids::sort_segments;
 use super::sorted::SortedPieces;

@@ -1,8 +1,8 @@
 //! The field of meshes and point clouds as sorting, jobs and subtrees see it: facets and balls are its pieces.
 
+use super::corners::corner_at;
 use super::field::{BrickEvaluation, Fractions, PieceField, PieceList};
 use super::soup::{OpenEvaluation, Soup};
-use super::subtree::corner_at;
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
 use crate::lattice::{CubeTest, NodeKey, Triangle, Units};

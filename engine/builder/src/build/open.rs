@@ -1,7 +1,7 @@
 //! What is taken off the counts of an open soup, and how its nodes are refined.
 
+use super::corners::corner_at;
 use super::field::PieceList;
-use super::subtree::corner_at;
 use crate::backend::{DeviceShares, ShareQueue, Vulkan};
 use crate::brick::Samples;
 use crate::error::{Error, Result};

@@ -2,7 +2,6 @@
 
 use super::clock::Clock;
 use super::cost::weigh_soup;
-use super::jobs::{job_level, sort_cubes};
 use super::mesh_inputs::MeshInputs;
 use super::meshes::{MeasuredSoup, measure_soup};
 use super::options::{BuildOptions, CommitOptions};
@@ -11,6 +10,7 @@ use super::plan_file::{PlanDirectory, PlanFile, write_plan};
 use super::rebuild::without_wrong_device;
 use super::resources::SpillResources;
 use super::rules::Rules;
+use super::scope::{job_level, sort_cubes};
 use super::sorted::SortedPieces;
 use super::soup::Soup;
 use super::summary::{BuildSummary, FacetsSummary, InputSummary};

@@ -2,10 +2,11 @@
 //! it, in post-order.
 
 use super::bins::{Binner, CellLists};
+use super::corners::corner_at;
 use super::decide::{NodeDecision, NodePieces};
 use super::field::{BrickEvaluation, PieceField, PieceList};
-use super::jobs::BuildPlan;
 use super::rules::Rules;
+use super::scope::BuildPlan;
 use crate::backend::BatchLeaf;
 use crate::brick::{Brick, Samples};
 use crate::error::Result;
@@ -432,15 +433,4 @@ fn descend(top: NodeKey, stride: u8, visit: &mut Visit<'_>) -> Result<JoinedNode
         visit(Step::Joined(key, children), number).map(made)
     }
     walk(top, stride, 0, visit)
-}
-
-/// The corner sample of the bottom node with this Morton number.
-pub(super) fn corner_at(corners: &[i64], stride: u8, number: usize) -> i16 {
-    let at: [usize; 3] = std::array::from_fn(|a| {
-        (0..usize::from(stride)).fold(0, |p, bit| p | (number >> (3 * bit + a) & 1) << bit)
-    });
-    let across = 1usize << stride;
-    let w = corners.get((at[2] * across + at[1]) * across + at[0]).copied().unwrap_or(0);
-    // Where this does not fit, the evaluation of the bricks around fails with the reason.
-    w.clamp(i64::from(i16::MIN), i64::from(i16::MAX)) as i16
 }

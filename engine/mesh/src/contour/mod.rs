@@ -12,13 +12,13 @@
 //! them together, and no two files import each other:
 //!
 //! ```text
-//! leaves ── surface ── joined ── cells ── faces ── vertices ── polygons ── cut ── sink
-//! (tree)    (signs,    (face     (QEF, Ju  (where   (numbers)   (manifold:  (tri-   (files)
-//!            Hermite    cuts)     et al.    edges                Schaefer    angles)
-//!            edges)               2002)     leave)               et al. 2007)
-//!                                   │          │
-//!                                   └── adaptive: draft ── find_across ── meetings ── merged
-//!                                       (Schaefer, Ju & Warren 2007: merging within a tolerance)
+//! leaves ── surface ── face_ambiguity ── cells ── faces ── vertices ── polygons ── cut ── sink
+//! (tree)    (signs,    (face cuts)       (QEF, Ju  (where   (numbers)   (manifold:  (tri-   (files)
+//!            Hermite                      et al.    edges                Schaefer    angles)
+//!            edges)                       2002)     leave)               et al. 2007)
+//!                                           │          │
+//!      adaptive: leaf_candidates ── find_cross_leaf ── self_intersections ── merged_vertices
+//!      (Schaefer, Ju & Warren 2007: merging within a tolerance)
 //! ```
 //!
 //! | file | owns |
@@ -27,36 +27,36 @@
 //! | `stages` | the stages put together |
 //! | `field` | the tree with its leaves and what stages have made of them, cached |
 //! | `frame` | where a brick lies in the world |
-//! | `leaves`, `places` | which leaf lies where; cells about a leaf |
+//! | `leaves`, `local_index` | which leaf lies where; cells about a leaf |
 //! | `topology` | how a face is cut, the loops of a plain cell |
-//! | `joined` | which way a face is cut whose signs do not tell |
+//! | `face_ambiguity` | which way a face is cut whose signs do not tell |
 //! | `planes`, `surface` | decoded Hermite edges; signs and Hermite edges of a leaf |
 //! | `symmetric`, `lanes` | symmetric matrices; eight loops side by side in vectors |
 //! | `qef` | where a vertex goes |
 //! | `solve` | the same for eight vertices at a time |
-//! | `outliers` | the few that need more, eight at a time, too |
+//! | `constrained_qef` | the few that need more, eight at a time, too |
 //! | `edges` | the edges of a row of cells |
 //! | `cells` | active cells and vertices of a leaf |
 //! | `halo` | crossings and signs about a leaf |
 //! | `crease` | where the planes of a cell meet at a sharp angle |
-//! | `annex` | room beyond cells for vertices on creases |
+//! | `crease_extension` | room beyond cells for vertices on creases |
 //! | `corner` | vertices at corners that no single cell sees |
-//! | `lone` | the vertices of a brick on its own, for builds |
+//! | `single_brick` | the vertices of a brick on its own, for builds |
 //! | `loops` | what belongs to one loop of a cell and what to another |
-//! | `mixed` | cells next to finer leaves |
-//! | `faces`, `extras` | vertices on faces; how they are named |
+//! | `transition_cells` | cells next to finer leaves |
+//! | `faces`, `face_vertices` | vertices on faces; how they are named |
 //! | `adaptive` | vertices that stand for several cells' |
 //! | `vertices` | the vertices of a leaf as the mesh has them |
 //! | `normal_sum`, `normals` | sums of unit normals; normals of vertices |
 //! | `polygons` | triangles of a leaf |
 //! | `envelope` | where triangles cannot meet others |
 //! | `cut` | polygons into triangles, their area, volume and normals |
-//! | `triangle_names`, `later` | how triangles name vertices; triangles that wait for the numbers of vertices |
+//! | `triangle_names`, `triangle_spool` | how triangles name vertices; triangles that wait for the numbers of vertices |
 //! | `marching` | marching cubes, for comparison |
-//! | `spare`, `cache` | room that is used again; what is kept within a bound |
+//! | `buffer_pool`, `cache` | room that is used again; what is kept within a bound |
 //! | `order` | leaves in parallel, their output in order |
 //! | `tagged` | triangles with the lattice edges that they are around, for measuring |
-//! | `sink` | arrays; STL, PLY and OBJ files |
+//! | `sink` | arrays; mesh files of all formats |
 //! | `quality` | triangles with better angles |
 //! | `tiles` | a folder of tiles: all levels, a file a node |
 //! | `shells` | connected surfaces: their volumes, which lie in which, meshes of some |

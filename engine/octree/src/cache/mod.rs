@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `rewrite` | the streaming copy of a store: what is kept, what becomes a leaf |
 //! | `prune` | which nodes become leaves |
+//! | `boundary` | what a leaf that was none has for Hermite edges |
 //! | `place` | where nodes lie in the world |
 //! | `lists` | lists of beads of a pruned store |
 //! | `compare` | the differences of two stores |
@@ -15,6 +16,7 @@
 //!
 //! [`StoreWriter`]: crate::store::StoreWriter
 
+mod boundary;
 mod compare;
 mod lists;
 mod place;

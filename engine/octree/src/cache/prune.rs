@@ -1,12 +1,13 @@
 //! Which nodes of a store become leaves, and what a leaf that was none has for Hermite edges.
 
+use super::boundary::broken;
 use super::place::meets_box;
 use super::rewrite::{RecordOrder, Rewrite, RewriteSummary};
-use crate::brick::{Brick, Hermite, SignChanges};
+use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_POINTS, NodeKey, Octant};
 use crate::progress::Progress;
-use crate::store::{BrickTree, NodeInfo, Refine, Store};
+use crate::store::{BrickTree, Refine, Store};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -38,7 +39,7 @@ pub struct PruneRegion {
 }
 
 /// Writes `store` to `output` without the nodes that the options leave out. Samples keep their values, and every leaf
-/// has a Hermite edge for each sign change; see [`Hermite::from_children`].
+/// has a Hermite edge for each sign change; see [`crate::brick::Hermite::from_children`].
 ///
 /// A store that is cut at a level has the depth of that level in its metadata, as if built so; of other cuts the
 /// metadata tell in the name of the program.
@@ -212,35 +213,4 @@ fn interpolates(coarse: &Brick, above: NodeKey, fine: &Brick, below: NodeKey, er
         }
     }
     true
-}
-
-/// Signs and Hermite edges of a node, those of an interior one from its children's; `None` if no sample, or every one, is
-/// inside. At most eight nodes of each level are held.
-pub(super) fn boundary(tree: &Store, key: NodeKey) -> Option<Result<(SignChanges, Hermite)>> {
-    let info = tree.node(key)?;
-    (info.min < 1 && info.max >= 1).then(|| boundary_of(tree, key, info))
-}
-
-fn boundary_of(tree: &Store, key: NodeKey, info: NodeInfo) -> Result<(SignChanges, Hermite)> {
-    let brick = tree.brick(key)?;
-    let Brick::Counts { samples, hermite } = &*brick else { return Err(broken(tree, key)) };
-    let signs = SignChanges::of(samples);
-    let hermite = if info.leaf {
-        let is_complete = hermite.edges.each_ref().map(Vec::len) == signs.counts();
-        is_complete.then(|| hermite.clone())
-    } else {
-        let mut children = [const { None }; 8];
-        for (octant, child) in Octant::all().zip(&mut children) {
-            *child = boundary(tree, key.child(octant)).transpose()?;
-        }
-        Hermite::from_children(&signs, &children)
-    };
-    let hermite = hermite.ok_or_else(|| broken(tree, key))?;
-    Ok((signs, hermite))
-}
-
-fn broken(tree: &Store, key: NodeKey) -> Error {
-    let what = "it contradicts the nodes around it";
-    let remedy = "check the store with `brickfield verify`; restore it from a copy or build it again";
-    Error::store(tree.path(), format!("record {key}"), what, remedy)
 }

@@ -1,7 +1,7 @@
 //! A store written anew, in the order of a build and without gaps.
 
+use super::boundary::boundary;
 use super::lists::copy_lists;
-use super::prune::boundary;
 use crate::brick::{Brick, Hermite};
 use crate::error::Result;
 use crate::lattice::NodeKey;

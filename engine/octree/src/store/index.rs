@@ -1,6 +1,6 @@
 //! The index of a store in memory: sorted by key and known to be a complete octree, or the part of one that is in a shard.
 
-use super::layout::IndexEntry;
+use super::layout::{IndexEntry, TreeError};
 use super::shard::Shard;
 use crate::lattice::{MAX_LEVEL, NodeKey, Octant};
 
@@ -12,9 +12,6 @@ pub struct Index {
     /// Where each level begins, and the number of all entries at the end.
     level_starts: Vec<usize>,
 }
-
-/// Why entries are not an index: which node, and what is wrong with it.
-pub type TreeError = (NodeKey, &'static str);
 
 impl Index {
     /// Takes entries in key order; they must be one octree from the root, complete, without repetition and no

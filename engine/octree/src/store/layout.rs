@@ -196,6 +196,9 @@ impl Slot {
     }
 }
 
+/// Why entries are not an index: which node, and what is wrong with it.
+pub type TreeError = (NodeKey, &'static str);
+
 /// What the index holds of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IndexEntry {

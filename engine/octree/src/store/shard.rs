@@ -3,8 +3,7 @@
 //! A shard is a file of its own version, so that nothing takes it for a whole store. Its metadata says which cubes of
 //! the tree it holds; `FORMAT.md` shows the bytes.
 
-use super::index::TreeError;
-use super::layout::IndexEntry;
+use super::layout::{IndexEntry, TreeError};
 use crate::lattice::{MAX_LEVEL, NodeKey, Octant};
 use serde::{Deserialize, Serialize};
 use std::fmt;

@@ -16,12 +16,12 @@
 //! | `style` | what is shown: surfaces and haze |
 //! | `stops` | functions of w, by a few values |
 //! | `light` | colours in light |
-//! | `frame` | one picture |
+//! | `frame`, `tiles` | one picture, and how it is drawn |
 //! | `tint` | colours that something else than w decides |
 //! | `relief` | depth made visible |
 //! | `trace` | a ray through tree and brick |
 //! | `caster` | pictures by a device, and bricks for it |
-//! | `sight` | scene and frame as a device sees them |
+//! | `gpu_scene` | scene and frame as a device sees them |
 
 mod bricks;
 mod camera;
@@ -36,6 +36,7 @@ mod nodes;
 mod relief;
 mod stops;
 mod style;
+mod tiles;
 mod tint;
 mod trace;
 

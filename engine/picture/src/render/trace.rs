@@ -299,7 +299,7 @@ impl<'a> RayTracer<'a> {
             return Ok(self.meet(from, colour));
         }
         if let Some(volume) = style.volume.as_ref().filter(|volume| volume.sees(w)) {
-            let stretches = (to - from) / self.frame.stretch(volume, place);
+            let stretches = (to - from) / self.frame.stretch(volume, place.key);
             let [opacity] = volume.opacity.at(w);
             // As much as the steps through cells would gather.
             let left = libm::pow(1.0 - opacity / STEPS_A_STRETCH, STEPS_A_STRETCH * stretches);
@@ -438,7 +438,7 @@ impl BrickRay<'_> {
         let (Some(field), Some(volume)) = (field, &self.frame.style().volume) else { return };
         let stretch = self.stretch(field, ijk, to);
         let [low, high] = volume.range();
-        let length = (to - from) / self.frame.stretch(volume, self.place);
+        let length = (to - from) / self.frame.stretch(volume, self.place.key);
         let in_cells = (to - from) / self.frame.scene.bricks.tree.root().spacing(self.place.key.level());
         let steps = (length.min(in_cells) * STEPS_A_STRETCH - STEPS_SLACK).ceil().max(1.0);
         for step in 0..steps as usize {

@@ -1,6 +1,5 @@
 //! What stands below a section: where it lies, a scale bar, and which colour means what.
 
-use super::picture::plain;
 use crate::picture::{Canvas, GLYPH_HEIGHT, Rgba, Scale, WHITE, text_width};
 
 const INK: Rgba = [40, 40, 40, 255];
@@ -106,4 +105,11 @@ impl SectionLegend<'_> {
         let (low, high) = (i32::from(self.range.0), i32::from(self.range.1));
         low.clamp(-1, 0)..=high.clamp(0, Scale::COUNTED_LAST)
     }
+}
+
+/// A number with as many digits as it needs, six after the point at most.
+pub fn plain(value: f64) -> String {
+    let text = format!("{value:.6}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }

@@ -3,7 +3,7 @@
 //! | file | owns |
 //! |---|---|
 //! | `plane` | where a section lies, and its two axes |
-//! | `at_hand` | the bricks that a thread looks at |
+//! | `brick_finder` | the bricks that a thread looks at |
 //! | `picture` | w as pixels |
 //! | `legend` | what stands below them |
 //! | `arc` | how the boundary passes a square between two points of it |
@@ -30,8 +30,9 @@ pub use crate::picture::Label as SectionLabel;
 pub use contour::{ContourLimits, contour};
 pub use drawing::{Drawing, write_drawing};
 pub use join::Contour;
+pub use legend::plain;
 pub use picture::{
-    SectionPicture, SectionSummary, SectionTint, SectionValues, Tinted, plain, section_values, write_picture,
+    SectionPicture, SectionSummary, SectionTint, SectionValues, Tinted, section_values, write_picture,
     write_tinted_picture,
 };
 pub use plane::Plane;

@@ -1,7 +1,7 @@
 //! w in a plane as a picture.
 
 use super::brick_finder::{BrickFinder, nearest, tell_places, trilinear};
-use super::legend::SectionLegend;
+use super::legend::{SectionLegend, plain};
 use super::plane::Plane;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, ROOT_BITS, RootCube, spacing_bits};
@@ -182,13 +182,6 @@ pub fn write_tinted_picture(
     })?;
     let origin = root.to_world(what.plane.point(grid.first, grid.at).map(|u| u + 1.0));
     Ok(SectionSummary { size: grid.size.map(|side| side as u32), pixel, origin, range })
-}
-
-/// A number with as many digits as it needs, six after the point at most.
-pub fn plain(value: f64) -> String {
-    let text = format!("{value:.6}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
 }
 
 /// Smallest and largest w, whether all samples are whole, and the deepest level. Reads no brick.

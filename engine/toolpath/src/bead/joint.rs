@@ -1,7 +1,7 @@
 //! How two segments of a bead meet: in a mitre, or not at all.
 
+use super::path::BeadPath;
 use super::profile::Profile;
-use super::tube::BeadPath;
 use crate::toolpath::Section;
 use glam::DVec3;
 

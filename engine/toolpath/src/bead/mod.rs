@@ -15,15 +15,19 @@
 
 mod joint;
 mod outline;
+mod path;
 mod profile;
 mod stl;
+mod sweep;
 mod swept;
 #[cfg(test)]
 mod tests;
 mod tube;
 
 pub use outline::read_outline;
+pub use path::BeadPath;
 pub use profile::{Profile, ProfileShape};
 pub use stl::{StlBeads, StlSummary};
-pub use swept::{Sweep, SweepOptions, SweptToolpath};
-pub use tube::{BeadPath, Joints};
+pub use sweep::{Sweep, SweepOptions};
+pub use swept::SweptToolpath;
+pub use tube::Joints;

@@ -1,6 +1,7 @@
 //! Streams beads to a binary STL: the toolpath may be of any length, its triangles are never held together.
 
-use super::swept::{Sweep, SweptToolpath};
+use super::sweep::Sweep;
+use super::swept::SweptToolpath;
 use super::tube::Joints;
 use crate::error::{Error, Result};
 use crate::part::PartFile;

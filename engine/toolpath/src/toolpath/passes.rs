@@ -20,17 +20,15 @@
 
 mod contact;
 mod grid;
+mod vector;
 
 use super::{Section, Toolpath, UP};
-use contact::{Contact, ContactSegment};
+use contact::{BACK_WIDTHS, Contact, ContactSegment};
 use grid::SegmentGrid;
 use rayon::prelude::*;
 use std::ops::Range;
+use vector::{difference, norm};
 
-/// Widths along the path within which a stretch is no earlier one.
-const BACK_WIDTHS: f64 = 2.0;
-/// Widths of a pass's beginning, which a loop may come back to.
-const CLOSING_WIDTHS: f64 = 2.0;
 /// Widths by which a new pass may begin before the place where the path was found to come back.
 const BEFORE_WIDTHS: f64 = 3.0;
 /// What a path turns by, as the sum of the chords between its unit directions, before it can come back. To come within a
@@ -228,18 +226,6 @@ fn ways(points: &[[f64; 3]]) -> (Vec<f64>, Vec<f64>) {
         turns.push(turn);
     }
     (ways, turns)
-}
-
-fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn norm(v: [f64; 3]) -> f64 {
-    dot(v, v).sqrt()
 }
 
 #[cfg(test)]

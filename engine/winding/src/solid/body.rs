@@ -4,7 +4,7 @@
 //! machines and all threads compute the same bits.
 
 use super::profile::SolidProfile;
-use super::segments::Segment;
+use super::segment::Segment;
 use crate::lattice::{cross, dot};
 
 /// A segment with its frame. Positions are relative to its first end, in lattice units.

@@ -7,7 +7,7 @@
 //! row, the sample's own place stands in.
 
 use super::body::Body;
-use super::evaluate::{BrickLattice, RowSpan, SegmentList};
+use super::brick_lattice::{BrickLattice, RowSpan, SegmentList};
 use super::segments::Solids;
 use crate::brick::{HermiteEdge, OctNormal, SignChanges};
 use crate::lattice::{Axis, BRICK_POINTS};

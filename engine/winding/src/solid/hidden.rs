@@ -1,7 +1,8 @@
 //! Walls and gaps between samples, which the samples do not show.
 
-use super::evaluate::{BrickLattice, SegmentList};
-use super::segments::{Segment, Solids};
+use super::brick_lattice::{BrickLattice, SegmentList};
+use super::segment::Segment;
+use super::segments::Solids;
 use crate::brick::{ThinFeatures, ThinLines, ThinPair};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
 

@@ -8,18 +8,22 @@
 //! Everything else, the brick, its neighbours, all levels and threads, follows from that and agrees by construction.
 
 mod body;
+mod brick_lattice;
 mod evaluate;
 mod hermite;
 mod hidden;
 mod points;
 mod profile;
+mod segment;
 mod segments;
 #[cfg(test)]
 mod tests;
 
 pub use body::Body;
-pub use evaluate::{SegmentList, SolidEvaluation, SolidEvaluator, for_lines, for_samples};
+pub use brick_lattice::SegmentList;
+pub use evaluate::{SolidEvaluation, SolidEvaluator, for_lines, for_samples};
 pub use hermite::normal_code;
 pub use points::{beads_at, brute_beads_at};
 pub use profile::{Outline, SolidProfile};
-pub use segments::{Segment, Solids, bounds_of_beads, passes_of};
+pub use segment::Segment;
+pub use segments::{Solids, bounds_of_beads, passes_of};

@@ -1,6 +1,7 @@
 //! How many passes, or beads, cover arbitrary points, straight from the solids.
 
-use super::segments::{Segment, Solids};
+use super::segment::Segment;
+use super::segments::Solids;
 use crate::error::Result;
 use crate::lattice::{ROOT_BITS, RootCube, Units};
 use crate::progress::Progress;

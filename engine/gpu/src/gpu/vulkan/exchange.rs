@@ -3,7 +3,8 @@
 
 use super::context::Context;
 use super::failure::DeviceFailure;
-use super::memory::{Arena, MemoryUse, Range, end_of, in_a_row};
+use super::hardware::MemoryUse;
+use super::memory::{Arena, Range, end_of, in_a_row};
 use super::slot::BatchSlot;
 use ash::vk;
 use std::sync::Arc;

@@ -3,9 +3,19 @@
 use super::failure::{DeviceFailure, DeviceUnavailable, InjectedFailure, Stage, WrongAnswer};
 use super::info::{DeviceInfo, DeviceKind};
 use super::instance::Instance;
-use super::memory::MemoryUse;
 use ash::vk;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// What memory is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum MemoryUse {
+    /// Kernels; written and read here, too, where the device's memory is the host's.
+    Device,
+    /// Written here, read by the device.
+    Upload,
+    /// Written by the device, read here.
+    ReadBack,
+}
 
 /// Hardware as a driver shows it, its memory counted.
 pub(super) struct Hardware {

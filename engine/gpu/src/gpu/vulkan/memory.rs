@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use super::failure::{DeviceFailure, Stage};
+use super::hardware::MemoryUse;
 use ash::vk;
 use std::sync::Arc;
 
@@ -24,17 +25,6 @@ pub(super) fn in_a_row<const N: usize>(lengths: [u64; N]) -> [Range; N] {
 /// Where the last of some parts ends.
 pub(super) fn end_of(ranges: &[Range]) -> u64 {
     ranges.last().map_or(0, |(from, length)| from + length)
-}
-
-/// What memory is used for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum MemoryUse {
-    /// Kernels; written and read here, too, where the device's memory is the host's.
-    Device,
-    /// Written here, read by the device.
-    Upload,
-    /// Written by the device, read here.
-    ReadBack,
 }
 
 /// Buffers of equal size in one allocation.

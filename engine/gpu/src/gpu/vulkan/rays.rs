@@ -2,8 +2,9 @@
 
 use super::device::Gpu;
 use super::failure::DeviceFailure;
+use super::hardware::MemoryUse;
 use super::kernels::{DescriptorSets, Kernels};
-use super::memory::{Arena, MemoryUse};
+use super::memory::Arena;
 use super::ray_capacity::{
     NODES, PAGES, PIXELS, POOL, ROUND, RayCapacity, SHELLS, SIGHT, TABLES, USED, WANTED, page_words,
 };

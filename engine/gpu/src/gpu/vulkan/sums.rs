@@ -5,8 +5,9 @@ use super::context::Context;
 use super::device::Gpu;
 use super::exchange::{BufferLayout, BufferSet};
 use super::failure::{DeviceFailure, WrongAnswer};
+use super::hardware::MemoryUse;
 use super::kernels::{DescriptorSets, Kernels};
-use super::memory::{Arena, MemoryUse, Range, end_of, in_a_row};
+use super::memory::{Arena, Range, end_of, in_a_row};
 use super::slot::BatchSlot;
 use super::sum_batch::{SumCapacity, SumInput};
 use brickfield_shaders::{

@@ -7,8 +7,12 @@
 //! For a given t − s the least d follows in closed form, and it is a convex function of t − s. So one search along t −
 //! s finds a point that meets all of them, if there is one.
 
-use super::{BACK_WIDTHS, CLOSING_WIDTHS, difference, dot, norm};
+use super::vector::{difference, dot, norm};
 
+/// Widths along the path within which a stretch is no earlier one.
+pub(super) const BACK_WIDTHS: f64 = 2.0;
+/// Widths of a pass's beginning, which a loop may come back to.
+const CLOSING_WIDTHS: f64 = 2.0;
 /// Part of a bead's width within which centre lines are near: beads that merely touch, but for rounding, are not.
 const NEAR: f64 = 0.99;
 /// Part of the way between two points to which their distance must come for the path to have turned back. At a corner of

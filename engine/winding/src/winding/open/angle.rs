@@ -1,8 +1,7 @@
 //! The share of the full view that one cap covers, its side decided as crossings are.
 
 use super::atan::angle_of;
-use super::local::GROUP;
-use super::moments::{Moments, Reach, SurfaceElement};
+use super::moments::{GROUP, Moments, Reach, SurfaceElement};
 use super::wide::{
     Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, each_of, f64x8, level, mask64x8, way,
 };

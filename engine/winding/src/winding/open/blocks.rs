@@ -1,7 +1,8 @@
 //! The sums behind the samples of bricks, laid open for whoever computes them elsewhere.
 
-use super::brick::{BLOCK_BITS, for_blocks};
-use super::cells::{BoundedTree, CellPlan, CellPoints, ExpansionSum, PlannedPoints};
+use super::cell::{CellPlan, ExpansionSum};
+use super::cells::{BoundedTree, CellPoints, PlannedPoints};
+use super::sample_blocks::{BLOCK_BITS, for_blocks};
 use super::{ClusterTree, SurfaceElement};
 use crate::lattice::{NodeKey, Units};
 use std::ops::Range;

@@ -10,10 +10,9 @@
 //! Everything depends on the tree, the error and the cell, and not on who asks: cells are kept with the tree for the
 //! next time, whichever thread asks then.
 
-use super::concurrent_cache::{ConcurrentCache, MemorySize};
-use super::local::{GROUP, LocalExpansion, local_bound};
-use super::moments::{SurfaceElement, error_bound};
-use super::region::CellSum;
+use super::cell::{CellId, CellPlan, ExpansionSum, FarCell};
+use super::local::{LocalExpansion, local_bound};
+use super::moments::{GROUP, SurfaceElement, error_bound};
 use super::tree::{Cluster, ClusterTree};
 use super::wide::{Simd, SimdBase, dispatch, each_of, f64x8, level, way};
 use crate::lattice::{ROOT_BITS, Units};
@@ -25,12 +24,6 @@ use std::sync::Arc;
 pub(super) const TOP_BITS: u32 = ROOT_BITS + 7;
 /// Lowest coordinate of that cell; the root's own cube is one of its descendants.
 pub(super) const TOP_LOW: i64 = -(1 << (TOP_BITS - 1));
-/// Cells, and as many bytes of plans, that are kept: some thousands of each.
-const KEPT_BYTES: usize = 32 << 20;
-/// The same for the regions of cells: some thousands of polynomials.
-const REGION_BYTES: usize = 16 << 20;
-/// What a hierarchy of clusters takes at most, besides the clusters, of what it keeps of the far field.
-pub const FAR_FIELD_BYTES: u64 = (2 * KEPT_BYTES + REGION_BYTES) as u64;
 /// Share of the error that polynomials handed down may take. This and the next four constants were tuned on a million
 /// facets less 3 % at 128³ samples; none matters by more than a fifth over a factor of 1.5 to either side.
 const DOWN_SHARE: f64 = 0.3;
@@ -71,35 +64,6 @@ pub(super) struct CellPoints {
     pub values: Vec<f64>,
 }
 
-/// One cell: the polynomial of what is far from it, and what is not.
-#[derive(Clone, Debug)]
-struct Cell {
-    center: [f64; 3],
-    local: LocalExpansion,
-    /// Bound on the polynomial's error.
-    spent: f64,
-    /// Clusters that the polynomial leaves out.
-    near: Vec<u32>,
-}
-
-/// How the points of a cell are answered beyond the polynomial.
-#[derive(Debug)]
-pub(super) enum CellPlan {
-    /// By a polynomial, clusters, and elements one by one.
-    Here(Box<ExpansionSum>),
-    /// In each eighth of the cell on its own.
-    Divide,
-}
-
-/// What adds up to the answer.
-#[derive(Debug)]
-pub(super) struct ExpansionSum {
-    center: [f64; 3],
-    pub local: LocalExpansion,
-    pub clusters: Vec<u32>,
-    pub elements: Vec<u32>,
-}
-
 /// Points of a lattice in one cell with the same plan.
 pub(super) struct PlannedPoints {
     /// Never [`CellPlan::Divide`].
@@ -108,43 +72,6 @@ pub(super) struct PlannedPoints {
     pub low: Units,
     /// Points along its edge.
     pub steps: u32,
-}
-
-/// log₂ of a cell's edge, and its number along each axis.
-pub(super) type CellId = (u32, [u32; 3]);
-
-/// Cells and plans of a tree, by the bits of the error for which they hold.
-#[derive(Debug)]
-pub(super) struct ExpansionCache {
-    cells: ConcurrentCache<(u64, CellId), Cell>,
-    plans: ConcurrentCache<(u64, CellId, u32), CellPlan>,
-    /// By the bits of the limit below which a sum counts for nothing, and those of the least cells.
-    pub regions: ConcurrentCache<(u64, u32, CellId), Arc<CellSum>>,
-}
-
-impl Default for ExpansionCache {
-    fn default() -> Self {
-        ExpansionCache {
-            cells: ConcurrentCache::new(KEPT_BYTES),
-            plans: ConcurrentCache::new(KEPT_BYTES),
-            regions: ConcurrentCache::new(REGION_BYTES),
-        }
-    }
-}
-
-impl MemorySize for Cell {
-    fn bytes(&self) -> usize {
-        size_of::<Cell>() + 4 * self.near.len()
-    }
-}
-
-impl MemorySize for CellPlan {
-    fn bytes(&self) -> usize {
-        match self {
-            CellPlan::Here(sum) => size_of::<ExpansionSum>() + 4 * (sum.clusters.len() + sum.elements.len()),
-            CellPlan::Divide => size_of::<CellPlan>(),
-        }
-    }
 }
 
 /// Working memory; one per thread.
@@ -405,14 +332,15 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
         cache.sorted = parts;
     }
 
-    fn cell(&self, id: CellId) -> Arc<Cell> {
+    fn cell(&self, id: CellId) -> Arc<FarCell> {
         self.tree.made().cells.get_or_make((self.error.to_bits(), id), || self.make_cell(id))
     }
 
-    fn make_cell(&self, (bits, place): CellId) -> Cell {
+    fn make_cell(&self, (bits, place): CellId) -> FarCell {
         debug_assert!(bits <= TOP_BITS);
         let (mut cell, way) = if bits == TOP_BITS {
-            let all = Cell { center: [0.0; 3], local: LocalExpansion::default(), spent: 0.0, near: vec![0] };
+            let all =
+                FarCell { center: [0.0; 3], local: LocalExpansion::default(), spent: 0.0, near: vec![0] };
             (all, [0.0; 3])
         } else {
             let above = self.cell((bits + 1, place.map(|c| c >> 1)));
@@ -426,7 +354,7 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
     }
 
     /// Moves the polynomial's centre by `way` and adds to it what is far enough from all points within `radius`.
-    fn take_over(&self, cell: &mut Cell, way: [f64; 3], radius: f64, budget: f64) {
+    fn take_over(&self, cell: &mut FarCell, way: [f64; 3], radius: f64, budget: f64) {
         cell.local = cell.local.shifted(way);
         (0..3).for_each(|a| cell.center[a] += way[a]);
         if cell.near.is_empty() {
@@ -449,7 +377,7 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
     }
 
     /// Decides how points of a cell are answered, from what is known of the cell above.
-    fn plan(&self, above: &Cell, (bits, place): CellId, grain: PointSpacing) -> CellPlan {
+    fn plan(&self, above: &FarCell, (bits, place): CellId, grain: PointSpacing) -> CellPlan {
         let clusters = self.tree.clusters();
         let (low, high, samples) = extent((bits, place), grain);
         let mut cell = above.clone();

@@ -8,13 +8,10 @@
 //! derivatives). φ is harmonic, and so is the polynomial for each m and |β|: ∂_z² = −∂_x² − ∂_y² leaves 15 of the 19
 //! moments, and only the coefficients with β_z ≤ 1 need to be summed.
 
-use super::moments::{Expansion, Reach, error_bound};
+use super::moments::{Expansion, GROUP, Reach, error_bound};
 use super::translation::{C, DEGREE, LANES, Translation};
 use super::wide::{Simd, SimdBase, dispatch, each_of, level};
 use std::f64::consts::PI;
-
-/// Samples evaluated at a time.
-pub const GROUP: usize = 8;
 
 /// A polynomial: coefficients by power of z, y, x, where these add up to less than [`DEGREE`].
 #[derive(Clone, Debug, PartialEq)]

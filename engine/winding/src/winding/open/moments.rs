@@ -8,10 +8,12 @@
 //!
 //!   w = [ D·r − 3 Q(r,r)/r² + 15 T(r,r,r)/r⁴ ] / (4π |r|³).
 
-use super::local::GROUP;
 use super::wide::{Simd, SimdBase, SimdFloat, dispatch, f64x8, level};
 use crate::lattice::Units;
 use std::f64::consts::PI;
+
+/// Samples evaluated at a time.
+pub const GROUP: usize = 8;
 
 /// How far an element reaches from a centre.
 #[derive(Clone, Copy, Debug, Default)]

@@ -10,7 +10,8 @@
 //! All of this depends on the tree, the limits, the least cells and the cell alone: so a sample has one value whatever brick it is a part of.
 
 use super::SurfaceElement;
-use super::cells::{BoundedTree, CellId, TOP_BITS, TOP_LOW};
+use super::cell::CellId;
+use super::cells::{BoundedTree, TOP_BITS, TOP_LOW};
 use super::region::CellSum;
 use crate::lattice::{BRICK_CELLS, NodeKey, ROOT_BITS};
 use std::sync::Arc;

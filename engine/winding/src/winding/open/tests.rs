@@ -2,8 +2,8 @@
 
 use super::angle::add_angles;
 use super::cells::{BoundedTree, CellCache, CellPoints, PointSpacing};
-use super::local::{GROUP, LocalExpansion, local_bound};
-use super::moments::error_bound;
+use super::local::{LocalExpansion, local_bound};
+use super::moments::{GROUP, error_bound};
 use super::wide::{dispatch, level};
 use super::*;
 use crate::lattice::ROOT_BITS;

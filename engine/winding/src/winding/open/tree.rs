@@ -1,6 +1,6 @@
 //! The hierarchy of clusters.
 
-use super::cells::ExpansionCache;
+use super::cell::ExpansionCache;
 use super::moments::{Expansion, Moments, Reach, SurfaceElement, error_bound};
 use crate::lattice::Units;
 use std::f64::consts::PI;

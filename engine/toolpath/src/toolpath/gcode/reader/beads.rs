@@ -1,6 +1,7 @@
 //! Gathers deposited steps into beads and hands them over.
 
 use super::auxiliary::is_auxiliary;
+use super::distance::distance;
 use super::options::GcodeOptions;
 use super::report::{FeatureReport, GcodeReport};
 use super::settings::SlicerSettings;
@@ -283,11 +284,6 @@ impl<'s, 'k> BeadAssembler<'s, 'k> {
     pub(super) fn into_report(self) -> GcodeReport {
         GcodeReport { tools: self.tools.into_iter().collect(), ..self.report }
     }
-}
-
-pub(super) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-    (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
 }
 
 /// A vector of the length 1 in the direction of this one, if it has one.

@@ -1,5 +1,6 @@
 //! What the commands do: the state of the machine, line by line.
 
+use super::POSITION_MAX;
 use super::beads::BeadAssembler;
 use super::deposition::DepositionSwitch;
 use super::expressions::Variables;
@@ -11,14 +12,10 @@ use super::parameters::{SizeWords, letters};
 use super::position::MachinePosition;
 use super::report::UnitSource;
 use super::states::States;
-use super::words::{Exponent, MalformedWord, NAMED, Word, Words, behind_number, quote, token};
-use super::{POSITION_MAX, commands};
+use super::words::{Exponent, MalformedWord, Word, Words, behind_number, quote, token};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// Words that a command may carry, beside those of the axes.
-const CARRIED: u32 = letters(b"EIJKRP");
 
 /// Most tools with a factor of their own.
 const FLOWS_MAX: usize = 1 << 10;
@@ -55,7 +52,7 @@ pub(super) struct MachineState<'s, 'k> {
     /// Comments of moves tell regions.
     has_regions: bool,
     /// Whether axes that are left out are told.
-    tells_axes: bool,
+    pub(super) tells_axes: bool,
     /// G53 stands on this line.
     pub(super) in_machine: bool,
     /// The axis that this line states.
@@ -176,82 +173,8 @@ impl<'s, 'k> MachineState<'s, 'k> {
         Ok(())
     }
 
-    pub(super) fn command(&mut self, line: &[u8], mut words: Words<'_>) -> Result<()> {
-        let mut sizes = SizeWords::default();
-        let mut moves = false;
-        let mut first = true;
-        let carried = CARRIED | self.position.letters();
-        let mut takes_tool = false;
-        while let Some(word) = words.next() {
-            let word = word.map_err(|malformed| self.malformed(&malformed))?;
-            if word.exponent != Exponent::None {
-                self.note_exponent(&word);
-            }
-            let word = self.understood(word)?;
-            match word.letter {
-                b'N' if first => continue,
-                b'G' | b'M' | b'T' => match self.code(&word, first, &mut words)? {
-                    commands::CodeEffect::Modal => {}
-                    commands::CodeEffect::Motion => moves = true,
-                    commands::CodeEffect::LineDone => return Ok(()),
-                    commands::CodeEffect::SetPosition => return self.set_position(words),
-                    commands::CodeEffect::SetOffsets(code) => return self.set_offsets(code, words),
-                },
-                b'F' => {}
-                b'S' => self.switch.set_speed(word.value),
-                // Prusa's XL parks a tool by "P0 S1 L2 D0", and says how to take one by "T0 S1 L0 D0".
-                b'P' if first => return Ok(()),
-                b'L' if takes_tool => {}
-                NAMED => self.named_word(&word, &mut sizes)?,
-                letter if carried >> (letter - b'A') & 1 == 1 => {
-                    self.size(&word, &mut sizes)?;
-                }
-                letter => self.other_letter(letter),
-            }
-            takes_tool |= first && word.letter == b'T';
-            first = false;
-        }
-        self.check_sum(line, words.rest());
-        let states_vector = std::mem::take(&mut self.vector);
-        if let Some(vector) = self.unit_vector(states_vector)? {
-            self.position.set_vector(vector);
-            moves = true;
-        }
-        let in_machine = std::mem::take(&mut self.in_machine);
-        let moving = self.position.letters() | letters(b"E");
-        if sizes.any(moving) || (moves && sizes.states(u32::MAX)) || states_vector != [None; 3] {
-            if in_machine {
-                return self.go_in_machine(&sizes);
-            }
-            let Some(motion) = self.motion else {
-                return Err(self.fault("coordinates stand before the first G0, G1, G2 or G3"));
-            };
-            return self.go(motion, &sizes);
-        }
-        Ok(())
-    }
-
-    /// A letter that moves nothing that is known.
-    fn other_letter(&mut self, letter: u8) {
-        match letter {
-            // Offsets of tools, and a program's number.
-            b'D' | b'H' | b'O' => {}
-            b'U' | b'V' | b'W' if self.tells_axes => {
-                let axis = char::from(letter);
-                let what = format!(
-                    "{axis} moves and is left out: if it carries layers, say `layer_axis` {axis} (its position is \
-                     added to Z) or -{axis} (a table that goes down); if it feeds, `extruder_axis` {axis}; if \
-                     neither, `layer_axis` none"
-                );
-                self.beads.report.note(&what, self.line);
-            }
-            b'U' | b'V' | b'W' => {}
-            letter => self.beads.report.unknown(&[letter], self.line),
-        }
-    }
-
     #[cold]
-    fn note_exponent(&mut self, word: &Word<'_>) {
+    pub(super) fn note_exponent(&mut self, word: &Word<'_>) {
         let what = match word.exponent {
             Exponent::Taken => {
                 let letter = char::from(word.letter);
@@ -265,13 +188,6 @@ impl<'s, 'k> MachineState<'s, 'k> {
                 .to_owned(),
         };
         self.beads.report.exponent(what, self.line);
-    }
-
-    fn code(&mut self, word: &Word<'_>, first: bool, words: &mut Words<'_>) -> Result<commands::CodeEffect> {
-        let Some(value) = word.value else {
-            return Err(self.malformed(&MalformedWord { text: word.text, what: "has no number" }));
-        };
-        commands::code(self, word, value, first, words)
     }
 
     pub(super) fn size(&mut self, word: &Word<'_>, sizes: &mut SizeWords) -> Result<()> {
@@ -298,7 +214,7 @@ impl<'s, 'k> MachineState<'s, 'k> {
     }
 
     /// G92: the tool is where it is, and is called so from now on.
-    fn set_position(&mut self, mut words: Words<'_>) -> Result<()> {
+    pub(super) fn set_position(&mut self, mut words: Words<'_>) -> Result<()> {
         let sizes = self.all_sizes(&mut words)?;
         let all = !sizes.any(u32::MAX);
         self.position.rename(&sizes, all);
@@ -381,7 +297,7 @@ impl<'s, 'k> MachineState<'s, 'k> {
     }
 
     /// Compares the checksum behind the words: all bytes before its asterisk, xored.
-    fn check_sum(&mut self, line: &[u8], rest: &[u8]) {
+    pub(super) fn check_sum(&mut self, line: &[u8], rest: &[u8]) {
         let Some(stated) = rest.strip_prefix(b"*") else { return };
         let covered = &line[..line.len() - rest.len()];
         let sum = covered.iter().fold(0, |sum, byte| sum ^ byte);

@@ -2,9 +2,11 @@
 
 mod beads;
 mod bgcode;
+mod block;
 mod commands;
 mod comments;
 mod coordinates;
+mod distance;
 mod expressions;
 mod extruder;
 mod file_scan;

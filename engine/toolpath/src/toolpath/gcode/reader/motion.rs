@@ -1,7 +1,8 @@
 //! Motion: what a line's words move, and what it deposits on its way.
 
 use super::arc::{Arc, Centre, Chords};
-use super::beads::{BeadKey, Pose, distance};
+use super::beads::{BeadKey, Pose};
+use super::distance::distance;
 use super::extruder::FeedAmount;
 use super::firmware::{Firmware, TurnsRule};
 use super::layer_axis::LayerAxis;

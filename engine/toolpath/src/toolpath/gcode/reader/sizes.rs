@@ -1,7 +1,7 @@
 //! Width and height of what is deposited.
 
 use super::SIZE_MAX;
-use super::beads::distance;
+use super::distance::distance;
 use super::options::GcodeOptions;
 use super::report::{GcodeReport, SizeReport};
 use super::settings::SlicerSettings;
