@@ -1,6 +1,7 @@
 //! Being interrupted, and being no longer listened to.
 
 use crate::support::*;
+use brickfield_core::sweep::part_or_all;
 use std::ffi::OsStr;
 use std::io::Read;
 use std::path::Path;
