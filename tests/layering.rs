@@ -59,7 +59,7 @@ const CRATES: [(&str, &[Room]); 15] = [
     ),
     ("coding", &[("range", &[]), ("bsp", &["range"])]),
     ("export", &[("export", &[]), ("import", &[])]),
-    ("splats", &[("splats", &[]), ("draw", &["splats"])]),
+    ("splats", &[("ellipses", &[]), ("splats", &["ellipses"]), ("draw", &["splats"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),
     ("overlay", &[("overlay", &[])]),
     // The facade.

@@ -56,6 +56,7 @@
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
 //! | [`export`], [`import`] | volumes in the files of other tools |
 //! | [`splats`], [`bsp`] | parts as small clipped planes, level by level, and files of them |
+//! | [`ellipses`] | parts as few flat ellipses that are larger than cells |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
 //! | [`overlay`] | voids, thickness and deviations as colours in pictures |
@@ -73,7 +74,7 @@
 //! | `vulkan` | devices in [`gpu`]; without it there are none |
 //! | `export` | [`export`], [`import`] |
 //! | `pictures` | [`picture`], [`section`], [`render`], [`overlay`]; `Octree::write_slice` and `write_picture` |
-//! | `splats` | [`splats`], [`bsp`], [`draw`]; brings `pictures` |
+//! | `splats` | [`splats`], [`bsp`], [`draw`], [`ellipses`]; brings `pictures` |
 //! | `las` | packed point clouds of LAS: LAZ, COPC |
 //! | `e57` | point clouds in E57 |
 //!
@@ -113,6 +114,6 @@ pub use brickfield_overlay::overlay;
 #[cfg(feature = "pictures")]
 pub use brickfield_picture::{picture, render, section};
 #[cfg(feature = "splats")]
-pub use brickfield_splats::{draw, splats};
+pub use brickfield_splats::{draw, ellipses, splats};
 pub use brickfield_toolpath::{bead, milling, toolpath, x3d};
 pub use brickfield_winding::{solid, swept, winding};

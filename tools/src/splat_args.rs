@@ -19,12 +19,16 @@ The ending says the format.
 Each cell that the boundary passes has one to three splats: planes through the crossings of each face, which cut each other \
 at edges. With --error, cells are not divided where their splats are near enough to all crossings in them.
 
+With --number, a .ply or .glb has so many ellipses that are larger than cells, with the least distance found. Nothing cuts them, \
+so at sharp edges they reach beyond the part: they are for smooth ones.
+
 Examples:
   brickfield splats part.brf -o part.bsp
   brickfield splats part.brf -o part.html
   brickfield splats part.brf -o viewer/
   brickfield splats part.brf -o part.ply --error 0.05mm
-  brickfield splats part.brf -o coarse.ply --level 2")]
+  brickfield splats part.brf -o coarse.ply --level 2
+  brickfield splats part.brf -o few.ply --number 1000")]
 pub struct SplatsArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
@@ -39,6 +43,12 @@ pub struct SplatsArgs {
     /// Deepest level to use
     #[arg(long, value_name = "L")]
     pub level: Option<u8>,
+    /// Cover the part by at most so many ellipses, in a .ply or .glb
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["error", "level"])]
+    pub number: Option<u32>,
+    /// Circles in place of ellipses
+    #[arg(long, requires = "number")]
+    pub circles: bool,
     /// Memory for splats, as in 512MiB, to which 20 bytes a splat come while a .bsp or .html is coded; splats of the deepest
     /// level that do not fit go to a temporary file
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]

@@ -86,8 +86,22 @@ uniform float pixel, distance;
 uniform bool parallel;
 uniform int style, deepest;
 out vec4 colour;
+const ivec2 sides[4] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(-1, 1));
+vec4 fetched(ivec2 at) { return any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, textureSize(sums, 0))) ? vec4(0) : texelFetch(sums, at, 0); }
+vec4 around(ivec2 at) {
+  vec4 all = vec4(0);
+  int covered = 0;
+  for (int n = 0; n < 4; ++n) {
+    vec4 a = fetched(at + sides[n]), b = fetched(at - sides[n]);
+    if (a == vec4(0) && b == vec4(0)) return vec4(0);
+    if (a != vec4(0)) { all += a / length(a.xyz); ++covered; }
+    if (b != vec4(0)) { all += b / length(b.xyz); ++covered; }
+  }
+  return covered < 6 ? vec4(0) : all;
+}
 void main() {
-  vec4 sum = texelFetch(sums, ivec2(gl_FragCoord.xy), 0);
+  vec4 sum = fetched(ivec2(gl_FragCoord.xy));
+  if (sum == vec4(0)) sum = around(ivec2(gl_FragCoord.xy));
   if (sum == vec4(0)) { colour = vec4(1); return; }
   vec3 n = normalize(sum.xyz);
   vec2 at = (gl_FragCoord.xy - middle) * pixel;

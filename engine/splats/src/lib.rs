@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 pub mod draw;
+pub mod ellipses;
 pub mod splats;
 
 use brickfield_coding::{bsp, range};

@@ -8,10 +8,11 @@ use crate::space::tell_left_behind;
 use crate::splat_args::SplatsArgs;
 use crate::units::{Size, Unit};
 use brickfield_engine::Progress;
+use brickfield_engine::ellipses::{EllipseOptions, ellipses_of};
 use brickfield_engine::part::directory_of;
 use brickfield_engine::splats::{
-    BspSummary, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_glb, write_page, write_page_folder,
-    write_ply,
+    BspSummary, GaussianSource, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_glb, write_page,
+    write_page_folder, write_ply,
 };
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use serde_json::{Value, json};
@@ -68,7 +69,28 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
             "write .bsp, or move the input nearer to the origin",
         )?;
     }
+    if args.number.is_some() && !matches!(kind, Kind::Ply | Kind::Glb) {
+        return Err(Failure::Usage("--number: ellipses are written as .ply or .glb".to_owned()));
+    }
     tell_left_behind(file, args.work.quiet);
+    let written = match args.number {
+        Some(number) => of_ellipses(args, number, &store, &bars)?,
+        None => of_cells(args, kind, &store, &bars)?,
+    };
+    bars.clear();
+    if args.json {
+        return print_json(&written.json);
+    }
+    if args.work.quiet { Ok(()) } else { print(&written.text) }
+}
+
+/// Writes the splats of cells.
+fn of_cells(
+    args: &SplatsArgs,
+    kind: Kind,
+    store: &Store,
+    bars: &dyn Progress,
+) -> Result<SplatsReport, Failure> {
     let error = match args.error {
         Some(error) => Some(error.in_unit_of(&store.meta().unit).ok_or_else(no_unit)?),
         None => None,
@@ -76,21 +98,47 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
     let memory = Some((args.memory.0, folder));
     let options = LevelsOptions { error, level: args.level, memory, ..LevelsOptions::default() };
-    let levels =
-        SplatLevels::new(&store, options, &bars).map_err(|error| of_store(&store, "leaves", error))?;
-    let written = match kind {
-        Kind::Ply => of_gaussians(args, write_ply(&levels, args.level, &args.output)?),
-        Kind::Glb => {
-            let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
-            of_gaussians(args, write_glb(&levels, args.level, metres, &args.output)?)
-        }
-        Kind::Bsp | Kind::Page | Kind::Folder => all_levels(args, kind, (&store, &levels), &bars)?,
-    };
-    bars.clear();
-    if args.json {
-        return print_json(&written.json);
+    let levels = SplatLevels::new(store, options, bars).map_err(|error| of_store(store, "leaves", error))?;
+    if matches!(kind, Kind::Ply | Kind::Glb) {
+        let splats = gaussians(args, store, GaussianSource::Cells(&levels, args.level))?;
+        let output = args.output.display().to_string();
+        let text = format!("{}: {splats} splats", in_line(&args.output));
+        return Ok(SplatsReport { text, json: json!({ "output": output, "splats": splats }) });
     }
-    if args.work.quiet { Ok(()) } else { print(&written.text) }
+    all_levels(args, kind, (store, &levels), bars)
+}
+
+/// Writes so many ellipses.
+fn of_ellipses(
+    args: &SplatsArgs,
+    number: u32,
+    store: &Store,
+    bars: &dyn Progress,
+) -> Result<SplatsReport, Failure> {
+    let options = EllipseOptions { number, circles: args.circles, memory: args.memory.0 };
+    let ellipses = ellipses_of(store, options, bars).map_err(|error| of_store(store, "leaves", error))?;
+    let splats = gaussians(args, store, GaussianSource::Ellipses(&ellipses))?;
+    let error = ellipses.iter().map(|ellipse| ellipse.error).fold(0.0, f64::max);
+    let what = if args.circles { "circles" } else { "ellipses" };
+    // What is stated is never less than it is.
+    let shown = (error * 10_000.0).ceil() / 10_000.0;
+    let (name, unit) = (in_line(&args.output), unit_of(store.meta()));
+    let text =
+        format!("{name}: {splats} {what}, at most {shown:.4} {unit} from the crossings that they cover");
+    let json = json!({
+        "output": args.output.display().to_string(),
+        "splats": splats,
+        "error": error,
+        "unit": store.meta().unit,
+    });
+    Ok(SplatsReport { text, json })
+}
+
+/// Writes a file for other viewers; gives how many there are in it.
+fn gaussians(args: &SplatsArgs, store: &Store, source: GaussianSource<'_>) -> Result<u64, Failure> {
+    let is_glb = Kind::of(&args.output)? == Kind::Glb;
+    let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
+    Ok(if is_glb { write_glb(source, metres, &args.output)? } else { write_ply(source, &args.output)? })
 }
 
 /// What is said of the file.
@@ -143,10 +191,4 @@ fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> S
         "unit": store.meta().unit,
     });
     SplatsReport { text, json }
-}
-
-/// What was written for other viewers.
-fn of_gaussians(args: &SplatsArgs, splats: u64) -> SplatsReport {
-    let text = format!("{}: {splats} splats", in_line(&args.output));
-    SplatsReport { text, json: json!({ "output": args.output.display().to_string(), "splats": splats }) }
 }

@@ -11,7 +11,9 @@
 //! | `place` | pixels that splats may touch, sorted by tile |
 //! | `raster` | tiles: coverage, the nearest, the mean |
 //! | `light` | colours |
+//! | `fill` | pixels that splats leave empty among them |
 
+mod fill;
 mod frame;
 mod light;
 mod place;
@@ -97,7 +99,8 @@ pub fn draw(scene: &SplatScene, options: &DrawOptions, progress: &dyn Progress) 
     };
     let placed = pieces.par_iter().map(place).collect::<Result<Vec<PlacedSplats>>>()?;
     let drawn = placed.iter().map(|placed| placed.splats.len() as u64).sum();
-    let rays = raster::shade(&frame, &placed, options.view.axes(), options.background, progress)?;
+    let mut rays = raster::shade(&frame, &placed, options.view.axes(), options.background, progress)?;
+    fill::fill_holes(&mut rays, size[0] as usize, options.background);
     let pixels = if factor == 1 { rays } else { averaged(&rays, size[0] as usize, factor as usize) };
     Ok(SplatPicture { size: options.size, pixels, drawn })
 }

@@ -4,9 +4,7 @@
 //! The extension's numbers are linear: standard deviations, opacity from 0 to 1, quaternions with w last. glTF counts in metres
 //! and has y up; a matrix turns the part, which has z up, and scales it.
 
-use super::disc::{Disc, discs_of_levels};
-use super::gaussian::{Gaussian, OPACITY, append_discs};
-use super::levels::SplatLevels;
+use super::gaussian::{Gaussian, GaussianSource, OPACITY};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use std::path::Path;
@@ -29,21 +27,21 @@ const ATTRIBUTES: [(&str, &str, u32, u64); 6] = [
 /// Bytes of a point.
 const POINT_BYTES: u64 = 60;
 
-/// Writes the finest picture, or that of `level`, as points that are Gaussians. `metres` is the length of the unit, one if it
+/// Writes Gaussians as points. `metres` is the length of the unit, one if it
 /// is not known. Returns how many they are.
 ///
 /// # Errors
 /// [`Error::Setting`] if they take 4 GiB, which no such file holds; what writing gives.
-pub fn write_glb(levels: &SplatLevels, level: Option<u8>, metres: Option<f64>, path: &Path) -> Result<u64> {
+pub fn write_glb(source: GaussianSource<'_>, metres: Option<f64>, path: &Path) -> Result<u64> {
     let mut points = PointBounds { count: 0, low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
-    discs_of_levels(levels, level, |disc| points.add(disc.centre.map(|c| c as f32)))?;
+    source.each(|gaussian| points.add(gaussian.centre))?;
     let head = points.head(metres.unwrap_or(1.0)).ok_or_else(|| {
         let what = format!("{}: a GLB file cannot hold the 4 GiB of {} splats", path.display(), points.count);
         Error::setting(what, "write .ply, or choose a larger `error` or a coarser `level`")
     })?;
     let mut file = PartFile::create(path)?;
     file.append(&head)?;
-    append_discs(&mut file, (levels, level), point)?;
+    source.append(&mut file, point)?;
     file.finish()?;
     Ok(points.count)
 }
@@ -125,8 +123,7 @@ impl PointBounds {
 }
 
 /// The bytes of a point, in the order of [`ATTRIBUTES`].
-fn point(disc: &Disc) -> Vec<u8> {
-    let gaussian = Gaussian::of(disc);
+fn point(gaussian: &Gaussian) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(POINT_BYTES as usize);
     let floats = |bytes: &mut Vec<u8>, numbers: &[f32]| {
         numbers.iter().for_each(|number| bytes.extend(number.to_le_bytes()));
@@ -150,6 +147,7 @@ fn linear(grey: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::splats::Disc;
 
     #[test]
     fn bytes_of_a_point_are_those_of_its_attributes() {
@@ -161,7 +159,7 @@ mod tests {
             cell: 2.0,
             cuts: Vec::new(),
         };
-        let bytes = point(&disc);
+        let bytes = point(&Gaussian::of(&disc));
         assert_eq!(
             (bytes.len() as u64, ATTRIBUTES.iter().map(|(.., bytes)| bytes).sum()),
             (POINT_BYTES, POINT_BYTES)

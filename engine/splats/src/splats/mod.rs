@@ -35,6 +35,7 @@ mod write;
 
 pub(crate) use disc::{CellPlanes, planes_of_levels, planes_of_tree};
 pub use disc::{Disc, discs_of_levels, discs_of_tree};
+pub use gaussian::GaussianSource;
 pub use glb::write_glb;
 pub use levels::{LevelsOptions, SplatLevels};
 pub use page::{write_page, write_page_folder};

@@ -2,9 +2,7 @@
 //!
 //! Numbers are as training programs write them: scales as logarithms, opacity as log-odds, quaternions with w first.
 
-use super::disc::{Disc, discs_of_levels};
-use super::gaussian::{Gaussian, append_discs};
-use super::levels::SplatLevels;
+use super::gaussian::{Gaussian, GaussianSource};
 use crate::error::Result;
 use crate::part::PartFile;
 use std::path::Path;
@@ -17,25 +15,24 @@ const NAMES: [&str; 14] = [
     "rot_1", "rot_2", "rot_3",
 ];
 
-/// Writes the finest picture, or that of `level`, as Gaussians. Returns how many they are.
+/// Writes Gaussians. Returns how many they are.
 ///
 /// # Errors
 /// What writing gives.
-pub fn write_ply(levels: &SplatLevels, level: Option<u8>, path: &Path) -> Result<u64> {
+pub fn write_ply(source: GaussianSource<'_>, path: &Path) -> Result<u64> {
     let mut count = 0u64;
-    discs_of_levels(levels, level, |_| count += 1)?;
+    source.each(|_| count += 1)?;
     let mut file = PartFile::create(path)?;
     let before = "ply\nformat binary_little_endian 1.0\ncomment flat splats of Brickfield\nelement vertex";
     let names: String = NAMES.iter().map(|name| format!("property float {name}\n")).collect();
     file.append(format!("{before} {count}\n{names}end_header\n").as_bytes())?;
-    append_discs(&mut file, (levels, level), |disc| numbers(disc).map(f32::to_le_bytes).concat())?;
+    source.append(&mut file, |gaussian| numbers(gaussian).map(f32::to_le_bytes).concat())?;
     file.finish()?;
     Ok(count)
 }
 
-/// The numbers of a disc.
-fn numbers(disc: &Disc) -> [f32; 14] {
-    let gaussian = Gaussian::of(disc);
+/// The numbers of a Gaussian.
+fn numbers(gaussian: &Gaussian) -> [f32; 14] {
     let ([x, y, z], shade) = (gaussian.centre, gaussian.harmonic());
     let [a, b, c] = gaussian.deviations.map(|deviation| deviation.ln() as f32);
     let [w, i, j, k] = gaussian.turn;
