@@ -1,8 +1,8 @@
 //! The ellipse of a site: the smallest of its shape around what is the site's, and the width of the slab that holds the
 //! samples in it.
 
-use super::Ellipse;
 use super::bend::{principal, unit};
+use super::ellipse::Ellipse;
 use super::samples::SurfaceSamples;
 use super::site::{Site, square_between};
 use crate::lattice::{cross, dot, minus};

@@ -8,6 +8,7 @@
 //!
 //! | file | owns |
 //! |---|---|
+//! | `ellipse` | an ellipse, and which are wanted |
 //! | `samples` | crossings of the leaves, by cubes |
 //! | `bend` | how a surface bends around a sample |
 //! | `site` | a site: its distances and its moves |
@@ -17,6 +18,7 @@
 //! All is in order of samples and sites, in whole numbers or by exact operations, so threads change no bit.
 
 mod bend;
+mod ellipse;
 mod fit;
 mod relax;
 mod samples;
@@ -24,37 +26,13 @@ mod site;
 #[cfg(test)]
 mod tests;
 
+pub use ellipse::{Ellipse, EllipseOptions};
+
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::store::BrickTree;
 use relax::SiteCover;
 use samples::SurfaceSamples;
-
-/// What ellipses are wanted.
-#[derive(Clone, Copy, Debug)]
-pub struct EllipseOptions {
-    /// How many, at most.
-    pub number: u32,
-    /// Whether both radii of an ellipse are the same.
-    pub circles: bool,
-    /// Bytes that crossings and sites may take.
-    pub memory: u64,
-}
-
-/// A flat ellipse, in world units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ellipse {
-    /// Its middle.
-    pub centre: [f64; 3],
-    /// Unit normal, outward.
-    pub normal: [f64; 3],
-    /// Unit vectors along the two radii; with the normal they turn as x, y and z do.
-    pub axes: [[f64; 3]; 2],
-    /// Half its length along each.
-    pub radii: [f64; 2],
-    /// Greatest distance of a crossing in it from its plane.
-    pub error: f64,
-}
 
 /// Covers the boundary of a tree by ellipses: each crossing lies in one of them, seen along its normal.
 ///

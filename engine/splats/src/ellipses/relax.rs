@@ -1,10 +1,10 @@
 //! All sites: where they begin, what is whose, and how they move.
 
 use super::bend::{BendTensor, bend};
+use super::ellipse::{Ellipse, EllipseOptions};
 use super::fit::{SiteShape, fit};
 use super::samples::{SurfaceSample, SurfaceSamples};
 use super::site::{Site, SiteSums};
-use super::{Ellipse, EllipseOptions};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use rayon::prelude::*;

@@ -137,7 +137,7 @@ fn of_leaf(leaf: &Leaf<'_>, world: impl Fn([f64; 3]) -> [f64; 3], unit: f64) -> 
     let signs = SignChanges::of(samples);
     for axis in Axis::ALL {
         signs.for_crossings(axis, hermite, |from, edge| {
-            if from.iter().any(|&at| at == BRICK_CELLS) {
+            if from.contains(&BRICK_CELLS) {
                 return;
             }
             let mut at: [f64; 3] =

@@ -117,10 +117,8 @@ impl SiteSums {
         self.weight += weight;
         let area = f64::from(sample.area);
         self.area += area;
-        for a in 0..3 {
-            self.normal[a] += normal[a] * area;
-            self.place[a] += sample.place[a] * weight;
-        }
+        self.normal.iter_mut().zip(normal).for_each(|(sum, c)| *sum += c * area);
+        self.place.iter_mut().zip(sample.place).for_each(|(sum, c)| *sum += c * weight);
         (0..6).for_each(|n| self.tensor[n] += tensor[n] * area);
     }
 
