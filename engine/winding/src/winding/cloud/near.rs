@@ -152,7 +152,7 @@ fn inverse_root<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
     let guess = u32x8::splat(simd, 0x5f37_5a86) - (x.bitcast::<u32x8<S>>() >> 1);
     let y: f32x8<S> = guess.bitcast();
     let y = y * (f32x8::splat(simd, 1.501_314) - x * 0.500_438 * y * y);
-    y * (f32x8::splat(simd, 1.500_000_9) - x * 0.500_000_3 * y * y)
+    y * (f32x8::splat(simd, 1.500_001) - x * 0.500_000_3 * y * y)
 }
 
 #[cfg(test)]
