@@ -59,8 +59,9 @@ impl CloudBricks {
     pub fn new(surfels: &Surfels, root: RootCube, error: f64, depth: u8) -> Result<CloudBricks> {
         let (bits, least) = (binary_places(error)?.max(BITS_MIN), least_bits(depth));
         let exact = error - 0.5 / f64::from(1u32 << bits);
-        let cells = (error >= SINGLE_ERROR).then(|| CloudCells::new(exact, depth));
-        Ok(CloudBricks { field: CloudField::new(surfels, root), cells, bits, error, least })
+        let field = CloudField::new(surfels, root);
+        let cells = (error >= SINGLE_ERROR).then(|| CloudCells::new(&field.tree, exact, depth));
+        Ok(CloudBricks { field, cells, bits, error, least })
     }
 
     /// The balls of all points.

@@ -1,15 +1,15 @@
 //! The sum over all dipoles at many samples: what is far as a polynomial, what is near point by point.
 //!
 //! Cells are the cubes of an octree over the lattice. A cell takes over its parent's polynomial, adds the clusters that
-//! have become far enough, and hands the rest down (Greengard & Rokhlin 1987). Where few points are left it is *final*:
-//! its polynomial takes what the error still allows, and the rest is seen from each sample.
+//! have become far enough, and hands the rest down (Greengard & Rokhlin 1987): clusters, and where they hold few points these.
+//! A cell is *final* if its polynomial can take all points but a few, which are then seen from each sample.
 //!
 //! So cells become as small as points are apart, and far from all points one is as large as its polynomial holds. All of
 //! this follows from the points, the error and the depth. A sample has the same value whatever brick asks.
 
-use super::super::open::{ClusterTree, ConcurrentCache, LocalExpansion, MemorySize, local_bound};
+use super::super::open::{Cluster, ClusterTree, ConcurrentCache, LocalExpansion, MemorySize, local_bound};
 use super::dipole::Dipole;
-use super::far::{FarCluster, FarDipole, add_clusters, add_dipoles};
+use super::far::{ClusterMoments, FarCluster, FarDipole, add_clusters, add_dipoles, moments_of};
 use super::near::{NearPoints, SampleRegion};
 use crate::brick::POINTS;
 use crate::lattice::{BRICK_POINTS, NodeKey, ROOT_BITS, spacing_bits};
@@ -18,13 +18,17 @@ use std::sync::Arc;
 
 /// log₂ of the edge of the cell that holds all samples, those of aprons too.
 const TOP_BITS: u32 = ROOT_BITS + 1;
-/// Points near a cell above which it is divided. This and the next shares were tuned on 100,000 points of a torus, where a
-/// cell of 8³ samples has some tens of points left.
+/// Points near a cell up to which they are looked at one by one. This and the next numbers were tuned on 100,000 points of a
+/// torus, where a cell of 8³ samples has about a hundred points left.
 const NEAR_MAX: u32 = 1000;
+/// Points up to which a cell leaves them to its samples.
+const SEEN_MAX: usize = 150;
 /// Bytes of cells that are kept.
 const KEPT_BYTES: usize = 48 << 20;
 /// Share of what is left of the error that the clusters which one cell takes may add.
 const DOWN_SHARE: f64 = 0.2;
+/// The same of points.
+const POINTS_SHARE: f64 = 0.3;
 /// Clusters whose points are farther from their centre than this share of a cell's radius are divided where they are not
 /// taken.
 const DIVIDED: f64 = 0.15;
@@ -55,13 +59,36 @@ struct CloudCell {
     spent: f64,
     /// What is not: clusters, or of a final cell points.
     near: Vec<u32>,
+    /// Whether these are points.
+    has_points: bool,
     is_final: bool,
+}
+
+/// Points about as far from a cell.
+#[derive(Clone, Copy, Default)]
+struct PointClass {
+    points: usize,
+    /// What their areas cover of the view from the cell's middle.
+    view: f64,
+}
+
+/// A cluster that may be far enough from a cell.
+struct FarCandidate {
+    cluster: u32,
+    /// The way to its centre.
+    way: [f64; 3],
+    /// Bound on its error.
+    bound: f64,
+    /// The same as a share of what its area covers of the view.
+    share: f64,
 }
 
 /// The cells over a cloud.
 #[derive(Debug)]
 pub(super) struct CloudCells {
     kept: ConcurrentCache<CubeId, Arc<CloudCell>>,
+    /// By cluster.
+    moments: Vec<ClusterMoments>,
     error: f64,
     /// log₂ of the distance of the finest samples.
     spacing: u32,
@@ -74,10 +101,14 @@ impl MemorySize for Arc<CloudCell> {
 }
 
 impl CloudCells {
-    /// For sums that are off by at most `error`, at samples of bricks down to `depth`.
-    pub fn new(error: f64, depth: u8) -> CloudCells {
-        let error = error * (1.0 - ROUNDING_SHARE);
-        CloudCells { kept: ConcurrentCache::new(KEPT_BYTES), error, spacing: spacing_bits(depth) }
+    /// For sums over a tree's dipoles that are off by at most `error`, at samples of bricks down to `depth`.
+    pub fn new(tree: &ClusterTree<Dipole>, error: f64, depth: u8) -> CloudCells {
+        CloudCells {
+            kept: ConcurrentCache::new(KEPT_BYTES),
+            moments: tree.clusters().iter().map(|cluster| moments_of(&cluster.expansion)).collect(),
+            error: error * (1.0 - ROUNDING_SHARE),
+            spacing: spacing_bits(depth),
+        }
     }
 
     /// The sums at all samples of a brick.
@@ -161,6 +192,7 @@ impl CloudCells {
                 local: LocalExpansion::default(),
                 spent: 0.0,
                 near: vec![0],
+                has_points: false,
                 is_final: false,
             },
             Some(above) => CloudCell {
@@ -168,116 +200,167 @@ impl CloudCells {
                 local: above.local.shifted(std::array::from_fn(|a| center[a] - above.center[a])),
                 spent: above.spent,
                 near: above.near.clone(),
+                has_points: above.has_points,
                 is_final: false,
             },
         };
         let radius = 3f64.sqrt() * half;
-        cell.absorb(tree, radius, DOWN_SHARE * (self.error - cell.spent));
-        let clusters = tree.clusters();
-        let points: u32 = cell.near.iter().map(|&c| clusters[c as usize].elements().len() as u32).sum();
-        if points <= NEAR_MAX || bits <= self.spacing + 1 {
-            cell.near = cell.near.iter().flat_map(|&c| clusters[c as usize].elements()).collect();
-            cell.absorb_points(tree, radius, self.error - cell.spent);
-            cell.is_final = true;
+        let is_least = bits <= self.spacing + 1;
+        if !cell.has_points {
+            cell.absorb((tree, &self.moments), radius, DOWN_SHARE * (self.error - cell.spent));
+            let clusters = tree.clusters();
+            let points: u32 = cell.near.iter().map(|&c| clusters[c as usize].elements().len() as u32).sum();
+            if points <= NEAR_MAX || is_least {
+                cell.near = cell.near.iter().flat_map(|&c| clusters[c as usize].elements()).collect();
+                cell.has_points = true;
+            }
+        }
+        if cell.has_points {
+            cell.absorb_points(tree, radius, self.error, is_least);
         }
         cell
+    }
+}
+
+impl FarCandidate {
+    /// A cluster if its bound is at most `share` of what its area covers of the view from the middle of a cell.
+    fn of(number: u32, cluster: &Cluster, center: [f64; 3], radius: f64, share: f64) -> Option<FarCandidate> {
+        let way: [f64; 3] = std::array::from_fn(|a| cluster.center[a] - center[a]);
+        let squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
+        let (reach, distance) = (cluster.reach, squared.sqrt());
+        // The first part of the bound tells of most that are too near.
+        let q = (reach.spread + radius) / distance;
+        let beyond = 1.0 - q;
+        if q >= RATIO_MAX || q * q * q * (q * q * q) * (7.0 - 6.0 * q) > share * beyond * beyond {
+            return None;
+        }
+        let bound = local_bound(reach, distance, radius);
+        let own = bound * squared * (4.0 * PI) / reach.area;
+        (own <= share).then_some(FarCandidate { cluster: number, way, bound, share: own })
     }
 }
 
 impl CloudCell {
     /// Adds clusters to the polynomial that are far enough from all samples within `radius`, with an error of at most
     /// `budget` together. Larger ones are divided.
-    fn absorb(&mut self, tree: &ClusterTree<Dipole>, radius: f64, budget: f64) {
+    fn absorb(
+        &mut self,
+        (tree, moments): (&ClusterTree<Dipole>, &[ClusterMoments]),
+        radius: f64,
+        budget: f64,
+    ) {
         let clusters = tree.clusters();
         let mut share = FIRST_SHARE * budget;
-        let (mut far, mut left, mut waiting) = (Vec::new(), Vec::new(), Vec::new());
-        let spent = loop {
-            far.clear();
-            left.clear();
-            waiting.extend(self.near.iter().rev());
-            let mut spent = 0.0;
-            while let Some(c) = waiting.pop() {
-                let cluster = &clusters[c as usize];
-                let way: [f64; 3] = std::array::from_fn(|a| cluster.center[a] - self.center[a]);
-                let squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
-                let (reach, distance) = (cluster.reach, squared.sqrt());
-                // The first part of the bound tells of most that are too near.
-                let q = (reach.spread + radius) / distance;
-                let beyond = 1.0 - q;
-                if q < RATIO_MAX && q * q * q * (q * q * q) * (7.0 - 6.0 * q) <= share * beyond * beyond {
-                    let bound = local_bound(reach, distance, radius);
-                    if bound * squared * (4.0 * PI) <= share * reach.area {
-                        spent += bound;
-                        far.push(FarCluster { way, expansion: &cluster.expansion });
-                        continue;
-                    }
+        let (mut far, mut left) = (Vec::<FarCandidate>::new(), Vec::new());
+        let mut waiting: Vec<u32> = self.near.iter().rev().copied().collect();
+        let put = |c: u32, waiting: &mut Vec<u32>, left: &mut Vec<u32>| {
+            let cluster = &clusters[c as usize];
+            match cluster.halves(c) {
+                Some([first, second]) if cluster.reach.spread > DIVIDED * radius => {
+                    waiting.extend([second, first]);
                 }
-                match cluster.halves(c) {
-                    Some([first, second]) if reach.spread > DIVIDED * radius => {
-                        waiting.extend([second, first]);
-                    }
-                    _ => left.push(c),
+                _ => left.push(c),
+            }
+        };
+        let spent = loop {
+            while let Some(c) = waiting.pop() {
+                match FarCandidate::of(c, &clusters[c as usize], self.center, radius, share) {
+                    Some(candidate) => far.push(candidate),
+                    None => put(c, &mut waiting, &mut left),
                 }
             }
+            let spent: f64 = far.iter().map(|candidate| candidate.bound).sum();
             if spent <= budget {
                 break spent;
             }
+            // Those that are no longer far enough, and what they are divided into, are all that changes.
             share *= LOWERED;
+            far.retain(|candidate| {
+                let is_kept = candidate.share <= share;
+                if !is_kept {
+                    put(candidate.cluster, &mut waiting, &mut left);
+                }
+                is_kept
+            });
         };
         if !far.is_empty() {
-            add_clusters(&mut self.local, &far, radius);
+            let scale = 1.0 / radius;
+            let far = far.iter().map(|candidate| FarCluster {
+                way: candidate.way.map(|c| (c * scale) as f32),
+                moments: &moments[candidate.cluster as usize],
+            });
+            add_clusters(&mut self.local, &far.collect::<Vec<_>>(), radius);
         }
         self.spent += spent;
         self.near = left;
     }
 
-    /// Adds points, which are all that is near, to the polynomial as far as a budget of the error allows, the farthest
-    /// first.
+    /// Adds points, which are all that is near, to the polynomial as far as a share of what is left of the error allows,
+    /// the farthest first. If all that is left of it would leave few points, that is spent, and the cell is final.
     ///
     /// A dipole of area A at the distance r adds an error of at most A/(4π r²) e(t/r) within t of the centre, with
     /// e(q) = q⁶ (7 − 6q)/(1 − q)²: see [`local_bound`]. They are counted by classes of q², each with the bound of
     /// its largest.
-    fn absorb_points(&mut self, tree: &ClusterTree<Dipole>, radius: f64, budget: f64) {
-        let points: Vec<(u32, [f64; 3], usize)> = (self.near.iter())
-            .map(|&e| {
-                let dipole = &tree.elements()[e as usize];
-                let way: [f64; 3] = dipole.way_from(self.center);
-                let squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
-                // The ball has to end before the samples begin.
-                let apart = radius + dipole.radius();
-                let bin = if apart * apart < squared {
-                    (radius * radius / squared * BINS as f64) as usize
-                } else {
-                    usize::MAX
-                };
-                (e, way, bin)
-            })
-            .collect();
-        let mut views = [0.0; BINS];
-        for (e, way, bin) in &points {
-            if let Some(view) = views.get_mut(*bin) {
-                let squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
-                *view += tree.elements()[*e as usize].view() / squared;
+    fn absorb_points(&mut self, tree: &ClusterTree<Dipole>, radius: f64, error: f64, is_least: bool) {
+        let mut classes = [PointClass::default(); BINS];
+        let scale = 1.0 / radius;
+        let see = |&number: &u32| {
+            let dipole = &tree.elements()[number as usize];
+            let way: [f64; 3] = dipole.way_from(self.center);
+            let squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
+            // The ball has to end before the samples begin.
+            let apart = radius + dipole.radius();
+            let mut class = usize::MAX;
+            if apart * apart < squared {
+                class = (radius * radius / squared * BINS as f64) as usize;
+                classes[class].view += dipole.view() / squared;
+                classes[class].points += 1;
             }
-        }
-        let (mut last, mut spent) = (0, 0.0);
-        for (bin, view) in views.iter().enumerate() {
-            let q = ((bin + 1) as f64 / BINS as f64).sqrt();
-            let bound = view * q.powi(6) * (7.0 - 6.0 * q) / ((1.0 - q) * (1.0 - q));
-            // The bound of the last one is infinite.
-            if bin + 1 == BINS || spent + bound > budget {
-                break;
-            }
-            spent += bound;
-            last = bin + 1;
-        }
-        let far: Vec<_> = (points.iter().filter(|(.., bin)| *bin < last))
-            .map(|(e, way, _)| FarDipole { way: *way, dipole: tree.elements()[*e as usize].over_four_pi() })
-            .collect();
+            let far = FarDipole {
+                way: way.map(|c| (c * scale) as f32),
+                dipole: dipole.over_four_pi().map(|c| (c * scale * scale) as f32),
+            };
+            (class, far)
+        };
+        let points: Vec<(usize, FarDipole)> = self.near.iter().map(see).collect();
+        let (last, spent, is_few) = settle_classes(&classes, points.len(), error - self.spent, is_least);
+        let far: Vec<FarDipole> =
+            points.iter().filter(|(class, _)| *class < last).map(|(_, far)| *far).collect();
         if !far.is_empty() {
             add_dipoles(&mut self.local, &far, radius);
         }
         self.spent += spent;
-        self.near = points.iter().filter(|(.., bin)| *bin >= last).map(|(e, ..)| *e).collect();
+        let mut classes = points.iter().map(|(class, _)| *class);
+        self.near.retain(|_| classes.next().is_some_and(|class| class >= last));
+        self.is_final = is_few || is_least;
     }
+}
+
+/// The first class that a cell does not take, the bounds of those before it, and whether it may take them all because few
+/// points are left then. Of all others it takes what a share of the `budget` allows.
+fn settle_classes(
+    classes: &[PointClass; BINS],
+    points: usize,
+    budget: f64,
+    is_least: bool,
+) -> (usize, f64, bool) {
+    let (mut down, mut all) = ((0, 0.0), (0, 0.0));
+    let mut left = points;
+    for (number, class) in classes.iter().enumerate() {
+        let q = ((number + 1) as f64 / BINS as f64).sqrt();
+        let (power, beyond) = (q * q * q * (q * q * q), 1.0 - q);
+        let spent = all.1 + class.view * power * (7.0 - 6.0 * q) / (beyond * beyond);
+        // The bound of the last one is infinite.
+        if number + 1 == BINS || spent > budget {
+            break;
+        }
+        left -= class.points;
+        all = (number + 1, spent);
+        if spent <= POINTS_SHARE * budget {
+            down = all;
+        }
+    }
+    let is_few = left <= SEEN_MAX;
+    let (last, spent) = if is_few || is_least { all } else { down };
+    (last, spent, is_few)
 }

@@ -65,7 +65,7 @@ fn samples_are_within_the_bound_of_the_whole_sum() {
     for (cloud, depth) in [(torus(3000, 1), 2), (torus(3000, 1), 0), (uneven, 3), (torus(60, 4), 3)] {
         let field = field_of(&cloud);
         for error in [0.2, 0.05, 0.005] {
-            let cells = CloudCells::new(error, depth);
+            let cells = CloudCells::new(&field.tree, error, depth);
             let mut filled = Filled::new();
             let mut worst = 0.0f64;
             for level in 0..=depth {
@@ -90,12 +90,12 @@ fn samples_are_within_the_bound_of_the_whole_sum() {
 fn bricks_agree_on_samples_to_the_last_bit() {
     let field = field_of(&torus(4000, 5));
     let error = 0.02;
-    let cells = CloudCells::new(error, 2);
+    let cells = CloudCells::new(&field.tree, error, 2);
     let mut known = std::collections::HashMap::new();
     let mut filled = Filled::new();
     for level in [2, 0, 1] {
         for key in keys(level) {
-            let fresh = CloudCells::new(error, 2);
+            let fresh = CloudCells::new(&field.tree, error, 2);
             let cells = if level == 1 { &fresh } else { &cells };
             let values = filled.of(cells, &field, key);
             // Every third, so that the aprons of most bricks are met.
@@ -131,7 +131,7 @@ fn time_of_bricks() {
     };
     let touched: Vec<NodeKey> = keys(depth).step_by(29).filter(is_touched).collect();
     for error in [0.05, 0.2, 0.01] {
-        let cells = CloudCells::new(error, depth);
+        let cells = CloudCells::new(&field.tree, error, depth);
         let mut filled = Filled::new();
         let start = Instant::now();
         touched.iter().for_each(|key| assert!(filled.of(&cells, &field, *key)[0].is_finite()));

@@ -22,6 +22,8 @@ pub struct Dipole {
     position: [f64; 3],
     /// Outward normal with the length of the area.
     area: [f64; 3],
+    /// The area over 4π.
+    view: f64,
     /// Radius of the ball.
     radius: f64,
 }
@@ -30,9 +32,11 @@ impl Dipole {
     /// A surfel snapped to the lattice of `root`.
     pub(super) fn new(surfel: &Surfel, root: RootCube) -> Dipole {
         let units = f64::from(1u32 << ROOT_BITS) / root.edge;
+        let area = surfel.area.map(|c| c * (units * units));
         Dipole {
             position: root.snapper()(surfel.position).map(f64::from),
-            area: surfel.area.map(|c| c * (units * units)),
+            area,
+            view: area.iter().map(|c| c * c).sum::<f64>().sqrt() / (4.0 * PI),
             // Samples lie on odd positions and points on even ones, so no sample sees what is nearer than that.
             radius: (surfel.radius * units).max(1.0),
         }
@@ -55,12 +59,12 @@ impl Dipole {
 
     /// Its area over 4π.
     pub(super) fn view(&self) -> f64 {
-        self.area() / (4.0 * PI)
+        self.view
     }
 
     /// Its area vector over 4π.
     pub(super) fn over_four_pi(&self) -> [f64; 3] {
-        self.area.map(|c| c / (4.0 * PI))
+        self.area.map(|c| c * (0.25 / PI))
     }
 
     /// Position, area over 4π and radius about a centre, in units that are so many times larger.
