@@ -42,15 +42,25 @@ def told(name, seconds, more=""):
     print(f"{name:34} {seconds:8.2f} s   load {load:4.1f}   {more}", flush=True)
 
 
+# Triangles of a box; bits of a corner's number say which coordinates are the larger ones.
+BOX = [
+    triangle
+    for a, b, c, d in ([0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6])
+    for triangle in ((a, b, c), (a, c, d))
+]
+
+
+def write_stl(path, points, faces):
+    """Binary STL of triangles of numbered points."""
+    data = b" " * 80 + struct.pack("<I", len(faces))
+    for face in faces:
+        data += bytes(12) + b"".join(struct.pack("<3f", *points[v]) for v in face) + bytes(2)
+    Path(path).write_bytes(data)
+
+
 def cuboid(path, low, high):
     """A box as binary STL."""
-    corner = lambda c: [high[a] if c >> a & 1 else low[a] for a in range(3)]
-    quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
-    data = b" " * 80 + struct.pack("<I", 12)
-    for a, b, c, d in quads:
-        for triangle in ((a, b, c), (a, c, d)):
-            data += bytes(12) + b"".join(struct.pack("<3f", *corner(v)) for v in triangle) + bytes(2)
-    Path(path).write_bytes(data)
+    write_stl(path, [[high[a] if c >> a & 1 else low[a] for a in range(3)] for c in range(8)], BOX)
 
 
 def piles(args, folder):
@@ -118,7 +128,6 @@ def turned_boxes(path, count, rng):
     import numpy as np
 
     points, faces = [], []
-    quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
     for n in range(count):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         turn[:, 0] *= np.sign(np.linalg.det(turn))
@@ -128,12 +137,11 @@ def turned_boxes(path, count, rng):
         # The first two keep the others within their own box, so that the lattices of all agree.
         place = [-9.5, 9.5][n] * np.ones(3) if n < 2 else rng.uniform(-5, 5, 3)
         points.extend((corners if n > 1 else corners / abs(corners) / 10) @ turn.T + place)
-        for a, b, c, d in quads:
-            faces += [[first + a, first + b, first + c], [first + a, first + c, first + d]]
-    points, faces = np.array(points, np.float32), np.array(faces)
-    data = b"".join(bytes(12) + points[face].astype("<f4").tobytes() + bytes(2) for face in faces)
-    Path(path).write_bytes(b" " * 80 + struct.pack("<I", len(faces)) + data)
-    return points.astype(float), faces
+        faces += [[first + v for v in triangle] for triangle in BOX]
+    # As the file has them.
+    points = np.array(points, np.float32)
+    write_stl(path, points, faces)
+    return points.astype(float), np.array(faces)
 
 
 def points(args, folder):

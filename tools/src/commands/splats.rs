@@ -74,7 +74,7 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     }
     tell_left_behind(file, args.work.quiet);
     let written = match args.number {
-        Some(number) => of_ellipses(args, number, &store, &bars)?,
+        Some(number) => of_ellipses(args, (kind, number), &store, &bars)?,
         None => of_cells(args, kind, &store, &bars)?,
     };
     bars.clear();
@@ -100,7 +100,7 @@ fn of_cells(
     let options = LevelsOptions { error, level: args.level, memory, ..LevelsOptions::default() };
     let levels = SplatLevels::new(store, options, bars).map_err(|error| of_store(store, "leaves", error))?;
     if matches!(kind, Kind::Ply | Kind::Glb) {
-        let splats = gaussians(args, store, GaussianSource::Cells(&levels, args.level))?;
+        let splats = gaussians(args, kind, store, GaussianSource::Cells(&levels, args.level))?;
         let output = args.output.display().to_string();
         let text = format!("{}: {splats} splats", in_line(&args.output));
         return Ok(SplatsReport { text, json: json!({ "output": output, "splats": splats }) });
@@ -111,13 +111,13 @@ fn of_cells(
 /// Writes so many ellipses.
 fn of_ellipses(
     args: &SplatsArgs,
-    number: u32,
+    (kind, number): (Kind, u32),
     store: &Store,
     bars: &dyn Progress,
 ) -> Result<SplatsReport, Failure> {
     let options = EllipseOptions { number, circles: args.circles, memory: args.memory.0 };
     let ellipses = ellipses_of(store, options, bars).map_err(|error| of_store(store, "leaves", error))?;
-    let splats = gaussians(args, store, GaussianSource::Ellipses(&ellipses))?;
+    let splats = gaussians(args, kind, store, GaussianSource::Ellipses(&ellipses))?;
     let error = ellipses.iter().map(|ellipse| ellipse.error).fold(0.0, f64::max);
     let what = if args.circles { "circles" } else { "ellipses" };
     // What is stated is never less than it is.
@@ -135,8 +135,13 @@ fn of_ellipses(
 }
 
 /// Writes a file for other viewers; gives how many there are in it.
-fn gaussians(args: &SplatsArgs, store: &Store, source: GaussianSource<'_>) -> Result<u64, Failure> {
-    let is_glb = Kind::of(&args.output)? == Kind::Glb;
+fn gaussians(
+    args: &SplatsArgs,
+    kind: Kind,
+    store: &Store,
+    source: GaussianSource<'_>,
+) -> Result<u64, Failure> {
+    let is_glb = kind == Kind::Glb;
     let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
     Ok(if is_glb { write_glb(source, metres, &args.output)? } else { write_ply(source, &args.output)? })
 }

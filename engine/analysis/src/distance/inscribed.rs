@@ -9,7 +9,7 @@ use super::sides::Sides;
 use super::surface::Surface;
 use super::thickness::{PreviousContact, largest_ball};
 use crate::error::Result;
-use crate::lattice::{dot, minus};
+use crate::lattice::{dot, length, minus};
 
 /// Surface that is turned by less than this against that at the point does not bound a first guess, as cosine: 30°.
 const APART: f64 = 0.866;
@@ -57,10 +57,6 @@ pub(super) struct Medium<'a> {
 
 /// The distance of a place from the surface, and the unit vector from there.
 type DepthAt = (f64, [f64; 3]);
-
-pub(super) fn length(v: [f64; 3]) -> f64 {
-    dot(v, v).sqrt()
-}
 
 fn unit(v: [f64; 3]) -> [f64; 3] {
     let length = length(v).max(f64::MIN_POSITIVE);

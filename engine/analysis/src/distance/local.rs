@@ -5,7 +5,7 @@
 //! the one that was painted climbs as far as it holds the sample.
 
 use super::balls::BallTree;
-use super::inscribed::{INTO, INTO_PART, InscribedBall, MISS, Medium, length};
+use super::inscribed::{INTO, INTO_PART, InscribedBall, MISS, Medium};
 use super::level_nodes::LevelNodes;
 use super::sides::{DeepBrick, Sides};
 use super::surface::Surface;
@@ -13,7 +13,7 @@ use super::tally::{LocalSpread, LocalTally};
 use super::thickness::{PreviousContact, farthest};
 use crate::brick::{Brick, POINTS, Samples, point_position};
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube, minus};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube, length, minus};
 use crate::progress::Progress;
 use crate::store::{BrickTree, NodeInfo};
 use std::path::Path;

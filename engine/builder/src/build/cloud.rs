@@ -1,6 +1,7 @@
 //! The main job from point clouds: points in, store out.
 
 use super::clock::Clock;
+use super::cloud_inputs::CloudInputs;
 use super::cost::weigh_pieces;
 use super::field::{BrickEvaluation, Fractions, PieceField, PieceList};
 use super::options::{BuildOptions, Resolution};
@@ -8,16 +9,16 @@ use super::pipeline::{BuildContext, BuildSource, build_from};
 use super::place::place;
 use super::rules::{POINTS, require_no_tolerance};
 use super::sorted::SortedPieces;
-use super::summary::{BuildSummary, InputSummary, PointsSummary};
+use super::summary::{BuildSummary, InputSummary};
 use super::task::Task;
 use crate::brick::{Brick, Samples};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::ingest::CloudInput;
 use crate::lattice::{MAX_LEVEL, NodeKey, RootCube, Units};
 use crate::progress::Progress;
-use crate::store::{Refine, Source};
-use crate::winding::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece, Surfels, estimate_normals};
-use std::path::Path;
+use crate::store::Refine;
+use crate::winding::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece, Surfels};
+use std::path::{Path, PathBuf};
 
 impl PieceField for CloudBricks {
     type Piece = CloudPiece;
@@ -108,7 +109,7 @@ impl BrickEvaluation for CloudBrick {
 
 /// Builds `output` from the points of all inputs together, on the threads of the current rayon pool: the field of
 /// [`crate::winding::CloudField`], with samples that are off by at most the options' `gwn_error`. With `estimate`,
-/// normals are those of [`estimate_normals`], whatever the inputs say.
+/// normals are those of [`crate::winding::estimate_normals`], whatever the inputs say.
 ///
 /// The file's bytes depend on the inputs, their paths as given, the order of the paths and the options. They do not
 /// depend on the threads, nor, but for the inputs' hashes in the metadata, on the order of points that do not
@@ -126,36 +127,29 @@ pub fn build_clouds(
 ) -> Result<BuildSummary> {
     require_no_tolerance(options.tolerance, POINTS)?;
     options.thin.require_none(POINTS)?;
-    let source = CloudSource { inputs, estimate, surfels: None, read: PointsSummary::default() };
+    let first = inputs.first().map(|input| input.path().to_owned());
+    let source = CloudSource { inputs: CloudInputs::given(inputs, estimate), first };
     build_from(source, BuildContext { output, options, progress })
 }
 
 /// Point clouds as what a store is built from.
 struct CloudSource {
-    /// Emptied when their points are in `surfels`.
-    inputs: Vec<CloudInput>,
-    /// Whether normals are found from the points.
-    estimate: bool,
-    /// Dropped when they are in the field.
-    surfels: Option<Surfels>,
-    read: PointsSummary,
+    inputs: CloudInputs,
+    /// The first file, for messages.
+    first: Option<PathBuf>,
 }
 
 impl BuildSource for CloudSource {
     type Field = CloudBricks;
 
     fn begin(&mut self, BuildContext { output, options, progress }: BuildContext<'_>) -> Result<Task> {
-        let inputs = std::mem::take(&mut self.inputs);
-        let first = inputs.first().map(|input| input.path().to_owned());
-        let sources = inputs.iter().map(|input| describe(input, self.estimate)).collect::<Result<_>>()?;
-        let surfels = surfels(inputs, self.estimate, progress)?;
-        let (root, depth) = place_cloud(&surfels, first.as_deref(), options.resolution)?;
-        self.read = PointsSummary::of(&surfels);
+        let sources = self.inputs.sources().collect::<Result<_>>()?;
+        let surfels = self.inputs.measure(progress)?;
+        let (root, depth) = place_cloud(surfels, self.first.as_deref(), options.resolution)?;
         let mut task = Task::begin(sources, surfels.points, root, depth, output, options, None)?;
         task.rules.evaluate_interior = true;
-        task.meta.numbers.facets = self.read.points;
-        task.meta.numbers.degenerate_facets = self.read.void_points;
-        self.surfels = Some(surfels);
+        task.meta.numbers.facets = self.inputs.summary.points;
+        task.meta.numbers.degenerate_facets = self.inputs.summary.void_points;
         Ok(task)
     }
 
@@ -165,7 +159,7 @@ impl BuildSource for CloudSource {
         clock: &mut Clock,
         BuildContext { options, progress, .. }: BuildContext<'_>,
     ) -> Result<(CloudBricks, SortedPieces<CloudBricks>)> {
-        let surfels = self.surfels.take().expect("measured before");
+        let surfels = self.inputs.take();
         let field = CloudBricks::new(&surfels, task.meta.root, options.gwn_error, task.rules.depth)?;
         drop(surfels);
         clock.lap("cluster");
@@ -183,35 +177,8 @@ impl BuildSource for CloudSource {
         _: &mut Clock,
         _: BuildContext<'_>,
     ) -> Result<InputSummary> {
-        Ok(InputSummary::Points(self.read))
+        Ok(InputSummary::Points(self.inputs.summary))
     }
-}
-
-/// The surface elements of the points of some files together. With `estimate`, their normals are those of
-/// [`estimate_normals`], whatever the files say.
-///
-/// # Errors
-/// If points lack normals, or some files' do and others' do not; if no point has an area; if the user interrupts.
-pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress) -> Result<Surfels> {
-    let Some(first) = inputs.first().map(|input| input.path().to_owned()) else {
-        return Err(Error::setting("there is no input", "give at least one point cloud"));
-    };
-    let why = inputs.iter().find_map(|input| input.columns.no_normals.clone());
-    let mut cloud = CloudInput::join(inputs)?;
-    if estimate {
-        estimate_normals(&mut cloud, progress)?;
-    } else if cloud.normals.is_empty() {
-        let why = why.map_or_else(String::new, |why| format!(" ({why})"));
-        let (what, remedy) =
-            (format!("have no normals{why}"), "add `estimate_normals`, or export them with normals");
-        return Err(Error::input(&first, "points", what, remedy));
-    }
-    let surfels = Surfels::of(&cloud, progress)?;
-    if surfels.all.is_empty() {
-        let what = format!("none of the {} points has an area", surfels.void);
-        return Err(Error::input(&first, "points", what, "give several points, with normals that are not 0"));
-    }
-    Ok(surfels)
 }
 
 /// The root cube and the deepest level: if none is asked for, the one whose cells are nearest to half the spacing.
@@ -243,15 +210,4 @@ pub(super) fn depth_of_spacing(root: RootCube, spacing: f64) -> u8 {
 pub fn cloud_cells(surfels: &Surfels) -> Result<(f64, u8)> {
     let (root, depth) = place_cloud(surfels, None, Resolution::Auto)?;
     Ok((root.spacing(depth), depth))
-}
-
-pub(super) fn describe(input: &CloudInput, estimated: bool) -> Result<Source> {
-    let normals = if estimated { ", estimated normals" } else { "" };
-    Ok(Source {
-        path: input.path().display().to_string(),
-        bytes: input.bytes(),
-        facets: input.cloud.points.len() as u64,
-        format: format!("{}{normals}", input.describe()),
-        blake3: input.identity()?,
-    })
 }

@@ -1,7 +1,8 @@
 //! Trees of whole inputs in memory instead of in a file.
 
 use super::choose::BeadSizes;
-use super::cloud::{place_cloud, surfels};
+use super::cloud::place_cloud;
+use super::cloud_inputs::surfels;
 use super::memory::{
     build_any_in_memory, build_beads_in_memory, build_cloud_and_soup_in_memory, build_cloud_in_memory,
 };

@@ -1,7 +1,8 @@
 //! The main job from meshes and point clouds together: their winding numbers add up.
 
 use super::clock::Clock;
-use super::cloud::{depth_of_spacing, describe as describe_cloud, surfels};
+use super::cloud::depth_of_spacing;
+use super::cloud_inputs::CloudInputs;
 use super::cost::{weigh_pieces, weigh_soup};
 use super::forecast::{ForecastInput, foresee};
 use super::mesh_inputs::{MeshInputs, describe, require_room_for_facets, survey_all};
@@ -13,7 +14,7 @@ use super::place::{AUTO_DEPTH, place};
 use super::rules::require_no_tolerance;
 use super::scope::sort_cubes;
 use super::sorted::SortedPieces;
-use super::summary::{BuildSummary, InputSummary, PointsSummary};
+use super::summary::{BuildSummary, InputSummary};
 use super::task::Task;
 use crate::error::{Error, Result};
 use crate::ingest::{CloudInput, Facets, Input, Survey};
@@ -127,15 +128,9 @@ pub fn build_mixed(
     require_no_tolerance(options.tolerance, MIXED)?;
     options.thin.require_none(MIXED)?;
     let mut inputs = SortedInputs::of(inputs)?;
-    let clouds = std::mem::take(&mut inputs.clouds);
-    let source = MixedSource {
-        meshes: MeshInputs::given(&inputs.meshes),
-        are_clouds: &inputs.are_clouds,
-        clouds,
-        estimate,
-        surfels: None,
-        points: PointsSummary::default(),
-    };
+    let clouds = CloudInputs::given(std::mem::take(&mut inputs.clouds), estimate);
+    let source =
+        MixedSource { meshes: MeshInputs::given(&inputs.meshes), are_clouds: &inputs.are_clouds, clouds };
     build_from(source, BuildContext { output, options, progress })
 }
 
@@ -144,13 +139,7 @@ struct MixedSource<'a> {
     meshes: MeshInputs<'a>,
     /// See [`SortedInputs`].
     are_clouds: &'a [bool],
-    /// Emptied when their points are in `surfels`.
-    clouds: Vec<CloudInput>,
-    /// Whether normals are found from the points.
-    estimate: bool,
-    /// Dropped when they are in the field.
-    surfels: Option<Surfels>,
-    points: PointsSummary,
+    clouds: CloudInputs,
 }
 
 impl BuildSource for MixedSource<'_> {
@@ -160,17 +149,15 @@ impl BuildSource for MixedSource<'_> {
         let meshes = self.meshes.opened;
         let surveys = survey_all(meshes, progress)?;
         let sources = self.sources(&surveys)?;
-        let surfels = surfels(std::mem::take(&mut self.clouds), self.estimate, progress)?;
+        let surfels = self.clouds.measure(progress)?;
         let first = meshes.first().map(Input::path);
         let MixedPlace { bounds, root, depth } =
-            MixedPlace::of(&surveys, &surfels, first, options.resolution)?;
+            MixedPlace::of(&surveys, surfels, first, options.resolution)?;
         let alone = ("meshes beside clouds stay in memory", "build them apart");
         require_room_for_facets(self.meshes.facets(), &options.resources, alone)?;
         foresee(&ForecastInput::Facets(meshes), (root, depth), bounds, output, options, progress)?;
         let mut task = Task::begin(sources, bounds, root, depth, output, options, None)?;
         task.rules.evaluate_interior = true;
-        self.points = PointsSummary::of(&surfels);
-        self.surfels = Some(surfels);
         Ok(task)
     }
 
@@ -186,8 +173,8 @@ impl BuildSource for MixedSource<'_> {
         clock.lap_if(meshes.are_turned(), "orient");
         let cubes = (sort_cubes(&task.rules), task.rules.sieved());
         let soup = meshes.snapped(root, cubes, &task.room, progress)?;
-        task.meta.numbers.facets = meshes.facets() + self.points.points;
-        task.meta.numbers.degenerate_facets = soup.degenerate + self.points.void_points;
+        task.meta.numbers.facets = meshes.facets() + self.clouds.summary.points;
+        task.meta.numbers.degenerate_facets = soup.degenerate + self.clouds.summary.void_points;
         clock.lap("snap");
         let mut triangles = Vec::new();
         soup.sorted.gather(0, &mut triangles)?;
@@ -196,7 +183,7 @@ impl BuildSource for MixedSource<'_> {
         let close = |soups: &[&dyn Facets]| OpenPart::within(memory, soups, root, progress);
         let open = (!soup.balance.is_closed()).then(|| meshes.with_soups(close)).transpose()?;
         meshes.check()?;
-        let surfels = self.surfels.take().expect("measured before");
+        let surfels = self.clouds.take();
         let field = MixedField::new(&surfels, open, root, options.gwn_error, task.rules.depth)?;
         drop(surfels);
         if let Some(open) = field.open() {
@@ -222,8 +209,8 @@ impl BuildSource for MixedSource<'_> {
         _: BuildContext<'_>,
     ) -> Result<InputSummary> {
         let open = field.open().map_or(OpenSummary::default(), |open| open.part().summary);
-        let degenerate = task.meta.numbers.degenerate_facets - self.points.void_points;
-        Ok(InputSummary::Mixed(self.meshes.summary(degenerate, open, None), self.points))
+        let degenerate = task.meta.numbers.degenerate_facets - self.clouds.summary.void_points;
+        Ok(InputSummary::Mixed(self.meshes.summary(degenerate, open, None), self.clouds.summary))
     }
 }
 
@@ -231,9 +218,9 @@ impl MixedSource<'_> {
     /// What the store records, in the order in which inputs were given.
     fn sources(&self, surveys: &[Survey]) -> Result<Vec<Source>> {
         let mut meshes = self.meshes.opened.iter().zip(surveys);
-        let mut clouds = self.clouds.iter();
+        let mut clouds = self.clouds.sources();
         let source = |is_cloud: &bool| match is_cloud {
-            true => describe_cloud(clouds.next().expect("as many as there are"), self.estimate),
+            true => clouds.next().expect("as many as there are"),
             false => {
                 let (input, survey) = meshes.next().expect("as many as there are");
                 Ok(describe(input, survey.identity))

@@ -8,6 +8,7 @@ mod choose;
 mod clock;
 mod closed;
 mod cloud;
+mod cloud_inputs;
 mod corners;
 mod cost;
 mod decide;
@@ -54,7 +55,8 @@ mod thin;
 mod toolpaths;
 
 pub use closed::is_closed;
-pub use cloud::{build_clouds, cloud_cells, surfels};
+pub use cloud::{build_clouds, cloud_cells};
+pub use cloud_inputs::surfels;
 pub use in_memory::{TreeInMemory, build_clouds_in_memory, build_inputs_in_memory, build_mixed_in_memory};
 pub use measure::{Measures, measure};
 pub use memory::{

@@ -132,20 +132,23 @@ pub fn build_planned(
     progress: &dyn Progress,
 ) -> Result<BuildSummary> {
     let plan = Arc::new(PlanFile::open(plan)?);
-    let Some(found) = &plan.directory.meta.shard else {
+    let Some(planned) = &plan.directory.meta.shard else {
         return Err(plan.damaged("no cubes are shared out"));
     };
     // What decides the tree is the plan's.
     let keeping = CommitOptions { settings: plan.directory.settings.clone(), ..options.keeping.clone() };
-    let options = BuildOptions { keeping, gwn_error: found.gwn_error, ..options.clone() };
+    let options = BuildOptions { keeping, gwn_error: planned.gwn_error, ..options.clone() };
     without_wrong_device(&options, |options| {
-        build_from(PlannedShard { plan: Arc::clone(&plan) }, BuildContext { output, options, progress })
+        let source = PlannedShard { plan: Arc::clone(&plan), pieces: planned.found.pieces };
+        build_from(source, BuildContext { output, options, progress })
     })
 }
 
 /// A shard of a plan as what a store is built from.
 struct PlannedShard {
     plan: Arc<PlanFile>,
+    /// The sum over all of its pieces.
+    pieces: u64,
 }
 
 impl BuildSource for PlannedShard {
@@ -174,12 +177,11 @@ impl BuildSource for PlannedShard {
         clock: &mut Clock,
         BuildContext { options, .. }: BuildContext<'_>,
     ) -> Result<(Soup, SortedPieces<Soup>)> {
-        let PlanDirectory { meta, work, jumps, .. } = &self.plan.directory;
+        let PlanDirectory { work, jumps, .. } = &self.plan.directory;
         if work.len() != 1 << (3 * u32::from(job_level(&task.rules))) {
             return Err(self.plan.damaged("it has other cubes than the tree"));
         }
-        let found = meta.shard.as_ref().map_or(0, |planned| planned.found.pieces);
-        task.cut_by(work, 0, found);
+        task.cut_by(work, 0, self.pieces);
         let corners = CornerGrid::from_jumps(NodeKey::ROOT, sort_cubes(&task.rules).stride(), jumps);
         let corners = corners.ok_or_else(|| self.plan.damaged("it has other corners than the tree"))?;
         let triangles = self.plan.triangles(task.cubes().kept(), task.room.file());

@@ -18,7 +18,7 @@ pub use key::{NodeKey, Octant};
 pub use length::millimetres;
 pub use mix::{GOLDEN, hash_bits, mix};
 pub use root::RootCube;
-pub use vector::{Vector, cross, dot, minus};
+pub use vector::{Vector, cross, dot, length, minus, unit};
 
 /// log₂ of the root cube's edge in units.
 pub const ROOT_BITS: u32 = 24;

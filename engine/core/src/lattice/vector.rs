@@ -20,3 +20,16 @@ pub fn cross(a: Vector, b: Vector) -> Vector {
 pub fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
+
+/// The length.
+#[inline]
+pub fn length(a: Vector) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// A vector of length 1 in the same direction; one of length 0 points upward.
+#[inline]
+pub fn unit(a: Vector) -> Vector {
+    let length = length(a);
+    if length > 0.0 { a.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
+}

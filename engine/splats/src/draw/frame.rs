@@ -1,6 +1,6 @@
 //! The picture: where rays begin, what of the world is kept, axes, tiles.
 
-use crate::lattice::{cross, dot};
+use crate::lattice::{cross, dot, unit};
 use crate::render::{CutPlane, Screen};
 
 /// Pixels of a tile: few enough to stay in the first cache with what they hold.
@@ -29,11 +29,6 @@ pub(super) struct DrawFrame {
     /// From the middle of the picture to its corner in pixels, where rays begin in one point.
     pub shift: [f32; 2],
     middle: [f64; 3],
-}
-
-fn unit(a: [f64; 3]) -> [f64; 3] {
-    let length = dot(a, a).sqrt();
-    a.map(|c| c / length)
 }
 
 impl DrawFrame {

@@ -1,19 +1,13 @@
 //! How a surface bends around a sample: its shape operator, by least squares over the normals around.
 
 use super::samples::{SurfaceSample, SurfaceSamples};
-use crate::lattice::{cross, dot, minus};
+use crate::lattice::{cross, dot, minus, unit};
 
 /// Normals of one face are within 37 degrees of each other.
 const SAME_FACE: f64 = 0.8;
 
 /// A symmetric tensor: xx, xy, xz, yy, yz, zz. Half of its product with a length, twice, is the width of a slab.
 pub(super) type BendTensor = [f64; 6];
-
-/// A vector of length 1.
-pub(super) fn unit(a: [f64; 3]) -> [f64; 3] {
-    let length = dot(a, a).sqrt();
-    if length > 0.0 { a.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
-}
 
 /// Two unit vectors across a normal; the three turn as x, y and z do.
 pub(super) fn across(normal: [f64; 3]) -> [[f64; 3]; 2] {

@@ -1,11 +1,11 @@
 //! The ellipse of a site: the smallest of its shape around what is the site's, and the width of the slab that holds the
 //! samples in it.
 
-use super::bend::{principal, unit};
+use super::bend::principal;
 use super::ellipse::Ellipse;
 use super::samples::SurfaceSamples;
 use super::site::{Site, square_between};
-use crate::lattice::{cross, dot, minus};
+use crate::lattice::{cross, dot, minus, unit};
 
 /// Halvings of the step by which planes are tilted.
 const HALVINGS: usize = 10;

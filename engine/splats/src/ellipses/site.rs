@@ -1,8 +1,8 @@
 //! A site: the middle of an ellipse to be, and how wide a slab around its plane must be to reach a sample.
 
-use super::bend::{BendTensor, across, add_square, normal_of, principal, times, unit};
+use super::bend::{BendTensor, across, add_square, normal_of, principal, times};
 use super::samples::SurfaceSample;
-use crate::lattice::{cross, dot, minus};
+use crate::lattice::{cross, dot, length, minus, unit};
 
 /// Normals that are farther apart than 45 degrees cost.
 const ASIDE: f64 = 0.707;
@@ -51,7 +51,7 @@ impl Site {
         let bent = (self.widths[0] * x * x + self.widths[1] * y * y) * 0.5 * self.factor;
         let above = dot(self.normal, from).abs();
         let aside = ASIDE - dot(self.normal, normal);
-        let turned = if aside > 0.0 { aside * dot(from, from).sqrt() } else { 0.0 };
+        let turned = if aside > 0.0 { aside * length(from) } else { 0.0 };
         (bent.max(above) + turned) * self.weight
     }
 

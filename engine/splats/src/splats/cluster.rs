@@ -1,7 +1,7 @@
 //! Crossings of one face in a cell: sums of whole numbers, so that no order shows, and bounds on what they leave out.
 
 use crate::bsp::{Clip, ONE, SplatInput};
-use crate::lattice::{dot, minus};
+use crate::lattice::{dot, length, minus, unit};
 
 /// Parts of a lattice unit in which places are counted.
 pub(super) const PARTS: i64 = 256;
@@ -23,16 +23,6 @@ pub(super) struct CrossingCluster {
     pub high: f64,
     /// What it stands for is no farther than this from the mean.
     pub reach: f64,
-}
-
-fn length(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
-}
-
-/// A vector of length 1; one of length 0 points upward.
-pub(super) fn unit(a: [f64; 3]) -> [f64; 3] {
-    let length = length(a);
-    if length > 0.0 { a.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
 }
 
 impl CrossingCluster {

@@ -3,7 +3,7 @@
 use super::levels::SplatLevels;
 use crate::bsp::{Cell, Clip, NodeCells, PAIRS, SPLATS_MAX, Splat, SplatInput, SplatTree};
 use crate::error::Result;
-use crate::lattice::NodeKey;
+use crate::lattice::{NodeKey, unit};
 use rayon::prelude::*;
 
 /// Half the diagonal of a cell: a disc of this radius covers what a plane and the cell share.
@@ -109,13 +109,13 @@ pub fn discs_of_tree(tree: &SplatTree, level: Option<u8>, mut each: impl FnMut(D
 }
 
 fn plane_of_input(splat: &SplatInput) -> NormalAndOffset {
-    let normal = super::cluster::unit(splat.normal.map(f64::from));
+    let normal = unit(splat.normal.map(f64::from));
     let offset = (0..3).map(|a| normal[a] * f64::from(splat.mean[a])).sum::<f64>() / 4096.0;
     (normal, offset)
 }
 
 fn plane_of_splat(tree: &SplatTree, splat: &Splat) -> NormalAndOffset {
-    let normal = super::cluster::unit(tree.directions().vector(splat.normal).map(f64::from));
+    let normal = unit(tree.directions().vector(splat.normal).map(f64::from));
     (normal, f64::from(splat.offset) / 16.0)
 }
 

@@ -20,14 +20,13 @@
 
 mod contact;
 mod grid;
-mod vector;
 
 use super::{Section, Toolpath, UP};
+use crate::lattice::{length, minus};
 use contact::{BACK_WIDTHS, Contact, ContactSegment};
 use grid::SegmentGrid;
 use rayon::prelude::*;
 use std::ops::Range;
-use vector::{difference, norm};
 
 /// Widths by which a new pass may begin before the place where the path was found to come back.
 const BEFORE_WIDTHS: f64 = 3.0;
@@ -216,12 +215,12 @@ fn ways(points: &[[f64; 3]]) -> (Vec<f64>, Vec<f64>) {
     let (mut way, mut turn, mut before) = (0.0, 0.0, None);
     ways.push(way);
     for pair in points.windows(2) {
-        let step = difference(pair[1], pair[0]);
-        let length = norm(step);
-        let direction = step.map(|c| if length > 0.0 { c / length } else { 0.0 });
-        turn += before.map_or(0.0, |before| norm(difference(direction, before)));
+        let step = minus(pair[1], pair[0]);
+        let size = length(step);
+        let direction = step.map(|c| if size > 0.0 { c / size } else { 0.0 });
+        turn += before.map_or(0.0, |before| length(minus(direction, before)));
         before = Some(direction);
-        way += length;
+        way += size;
         ways.push(way);
         turns.push(turn);
     }

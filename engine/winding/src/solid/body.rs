@@ -5,7 +5,7 @@
 
 use super::profile::SolidProfile;
 use super::segment::Segment;
-use crate::lattice::{cross, dot};
+use crate::lattice::{cross, dot, length};
 
 /// A segment with its frame. Positions are relative to its first end, in lattice units.
 #[derive(Clone, Copy, Debug)]
@@ -297,21 +297,21 @@ impl Body {
 /// segment's direction allows; where the two are parallel, the coordinate axis farthest from the segment
 /// stands in for it.
 pub(super) fn frame(end: [f64; 3], axis: [f64; 3], is_flat: bool) -> ([[f64; 3]; 3], f64) {
-    let length = norm(end);
-    let along = match length > 0.0 {
-        true => end.map(|c| c / length),
+    let size = length(end);
+    let along = match size > 0.0 {
+        true => end.map(|c| c / size),
         false => across(axis),
     };
     if is_flat {
-        return ([along, [-along[1], along[0], 0.0], [0.0, 0.0, 1.0]], length);
+        return ([along, [-along[1], along[0], 0.0], [0.0, 0.0, 1.0]], size);
     }
     let mut side = cross(axis, along);
     if dot(side, side) < PARALLEL {
         side = cross(across(along), along);
     }
-    let size = norm(side);
-    let side = side.map(|c| c / size);
-    ([along, side, cross(along, side)], length)
+    let width = length(side);
+    let side = side.map(|c| c / width);
+    ([along, side, cross(along, side)], size)
 }
 
 /// A unit vector perpendicular to a unit vector, of which the coordinate axis farthest from it is not far.
@@ -325,12 +325,8 @@ fn across(v: [f64; 3]) -> [f64; 3] {
     let mut unit = [0.0; 3];
     unit[least] = 1.0;
     let w = [0, 1, 2].map(|a| unit[a] - v[least] * v[a]);
-    let size = norm(w);
+    let size = length(w);
     w.map(|c| c / size)
-}
-
-fn norm(v: [f64; 3]) -> f64 {
-    dot(v, v).sqrt()
 }
 
 /// `v`, or 0 where rounding made it negative.

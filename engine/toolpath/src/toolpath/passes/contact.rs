@@ -7,7 +7,7 @@
 //! For a given t − s the least d follows in closed form, and it is a convex function of t − s. So one search along t −
 //! s finds a point that meets all of them, if there is one.
 
-use super::vector::{difference, dot, norm};
+use crate::lattice::{dot, length, minus};
 
 /// Widths along the path within which a stretch is no earlier one.
 pub(super) const BACK_WIDTHS: f64 = 2.0;
@@ -65,7 +65,7 @@ impl ContactSegment {
     /// Direction per length of way.
     fn direction(&self) -> [f64; 3] {
         let length = self.way.1 - self.way.0;
-        difference(self.b, self.a).map(|c| if length > 0.0 { c / length } else { 0.0 })
+        minus(self.b, self.a).map(|c| if length > 0.0 { c / length } else { 0.0 })
     }
 
     /// Where this segment comes back to an earlier one of a pass that began at the way `begun`.
@@ -73,19 +73,19 @@ impl ContactSegment {
         let width = 0.5 * (self.width + earlier.width);
         let height = 0.5 * (self.height + earlier.height);
         let [u, v] = [earlier.direction(), self.direction()];
-        let from = difference(self.a, earlier.a);
+        let from = minus(self.a, earlier.a);
         let across = |d: [f64; 3]| {
             let up = dot(d, axis);
             [0, 1, 2].map(|i| d[i] - up * axis[i])
         };
         let is_opposite = dot(u, v) < OPPOSITE;
-        let length = earlier.way.1 - earlier.way.0;
+        let span = earlier.way.1 - earlier.way.0;
         let closing = if is_opposite { 0.0 } else { begun + CLOSING_WIDTHS * width - earlier.way.0 };
         let pair = Pair {
             from: across(from),
             u: across(u),
             v: across(v),
-            s: (closing.max(0.0), length),
+            s: (closing.max(0.0), span),
             t_end: self.way.1 - self.way.0,
         };
         let (s, t) = pair.search(width, self.way.0 - earlier.way.0)?;
@@ -93,7 +93,7 @@ impl ContactSegment {
         if dot(at, axis).abs() > HEIGHTS * height {
             return None;
         }
-        let size = norm(pair.v);
+        let size = length(pair.v);
         let beside = if size > 0.0 { t - dot(across(at), pair.v) / (size * size) } else { t };
         Some(Contact { earlier: earlier.way.0 + s, here: self.way.0 + beside, is_opposite, width })
     }
@@ -137,12 +137,12 @@ impl Pair {
     /// The least distance of two places s and s + `ahead`, and the two.
     fn nearest(&self, ahead: f64) -> (f64, (f64, f64)) {
         let e = [0, 1, 2].map(|i| self.from[i] + ahead * self.v[i]);
-        let f = difference(self.v, self.u);
+        let f = minus(self.v, self.u);
         let ff = dot(f, f);
         let (least, most) = (self.s.0.max(-ahead), self.s.1.min(self.t_end - ahead));
         let best = if ff > 1e-18 { -dot(e, f) / ff } else { least };
         let s = best.min(most).max(least);
-        let d = norm([0, 1, 2].map(|i| e[i] + s * f[i]));
+        let d = length([0, 1, 2].map(|i| e[i] + s * f[i]));
         (d, (s, s + ahead))
     }
 }

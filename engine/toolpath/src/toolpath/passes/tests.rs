@@ -31,7 +31,7 @@ fn dense(points: &[[f64; 3]], step: f64) -> Vec<[f64; 3]> {
     let mut out = vec![points[0]];
     for pair in points.windows(2) {
         let d = [0, 1, 2].map(|a| pair[1][a] - pair[0][a]);
-        let count = (super::norm(d) / step).ceil();
+        let count = (super::length(d) / step).ceil();
         let part = |n: u32| f64::from(n) / count;
         out.extend((1..=count as u32).map(|n| [0, 1, 2].map(|a| pair[0][a] + d[a] * part(n))));
     }

@@ -3,6 +3,7 @@
 use super::area::cell_area;
 use super::nearest::KdTree;
 use crate::error::{Error, Result};
+use crate::lattice::length;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
 use rayon::prelude::*;
@@ -123,8 +124,4 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     let scaled = v.map(|c| c / largest);
     let length = length(scaled);
     (largest > 0.0).then(|| scaled.map(|c| c / length))
-}
-
-fn length(v: [f64; 3]) -> f64 {
-    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }

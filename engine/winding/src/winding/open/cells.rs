@@ -15,7 +15,7 @@ use super::local::{LocalExpansion, local_bound};
 use super::moments::{GROUP, SurfaceElement, error_bound};
 use super::tree::{Cluster, ClusterTree};
 use super::wide::{Simd, SimdBase, dispatch, each_of, f64x8, level, way};
-use crate::lattice::{ROOT_BITS, Units};
+use crate::lattice::{ROOT_BITS, Units, length};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
@@ -442,8 +442,4 @@ fn extent((bits, place): CellId, grain: PointSpacing) -> ([f64; 3], [f64; 3], us
         PointSpacing::Anywhere => ((1u64 << bits) - 2, 64),
     };
     (low, low.map(|c| c + size as f64), samples)
-}
-
-fn length(v: [f64; 3]) -> f64 {
-    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
