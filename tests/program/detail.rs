@@ -122,6 +122,19 @@ fn triangles_are_as_many_as_asked_for_and_files_as_large() {
     let triangles = json["triangles"].as_u64().unwrap();
     assert!((2700..=3000).contains(&triangles), "{triangles}");
     judged(&out, json["expected"]["volume"].as_f64().unwrap(), 0.001);
+    // Slivers that are taken away make room for others.
+    let json = meshed(&store, &out, &["--triangles", "3000", "--quality"]);
+    let triangles = json["triangles"].as_u64().unwrap();
+    assert!((2700..=3000).contains(&triangles), "{triangles}");
+    // Between two whole numbers of cells: several samples in each.
+    let whole = meshed(&store, &out, &["--detail", "0.9mm"]);
+    let factor = whole["detail"]["factor"].as_u64().unwrap();
+    assert!(factor > 1, "{whole}");
+    let asked = whole["triangles"].as_u64().unwrap() * 3 / 2;
+    let json = meshed(&store, &out, &["--triangles", &asked.to_string()]);
+    let triangles = json["triangles"].as_u64().unwrap();
+    assert!((asked / 10 * 9..=asked).contains(&triangles), "{asked}: {json}");
+    judged(&out, json["expected"]["volume"].as_f64().unwrap(), 0.001);
     let out = dir.path("a.stl");
     meshed(&store, &out, &["--max-size", "200kB"]);
     let bytes = std::fs::metadata(&out).unwrap().len();

@@ -13,7 +13,7 @@ use crate::units::Unit;
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
-    Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
+    ABSOLUTE_PERCENTILES, Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
 use brickfield_engine::distance::{
     ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, Sides, Surface, Triangles, align,
@@ -299,18 +299,17 @@ fn tell_shift(args: &DeviationArgs, part: [[f64; 3]; 2], reference: [[f64; 3]; 2
 
 fn spread(spread: &Spread, cell: f64) -> Value {
     let length = |value: f64| told(value, cell / 1e4);
-    let shares: serde_json::Map<String, Value> = PERCENTILES
-        .iter()
-        .zip(spread.percentiles)
-        .map(|(share, value)| (share.to_string(), length(value)))
-        .collect();
+    let by_share = |shares: &[f64], values: &[f64]| -> serde_json::Map<String, Value> {
+        shares.iter().zip(values).map(|(share, &value)| (share.to_string(), length(value))).collect()
+    };
     json!({
         "points": spread.points,
         "mean": length(spread.mean),
         "rms": length(spread.rms),
         "min": length(spread.min),
-        "percentiles": shares,
+        "percentiles": by_share(&PERCENTILES, &spread.percentiles),
         "max": length(spread.max),
+        "percentiles_abs": by_share(&ABSOLUTE_PERCENTILES, &spread.absolute),
         "max_abs": length(spread.largest()),
     })
 }
@@ -349,10 +348,11 @@ fn summary(
     let length = |value: f64| told(value, cell / 1000.0);
     let line = |spread: &Spread| {
         format!(
-            "{} to {} {unit}, rms {}, 98 % within {} to {}",
+            "{} to {} {unit}, rms {}, 95 % within ±{}, 98 % within {} to {}",
             length(spread.min),
             length(spread.max),
             length(spread.rms),
+            length(spread.absolute[1]),
             length(spread.percentiles[1]),
             length(spread.percentiles[3])
         )

@@ -366,7 +366,7 @@ pub struct MeshReport {
     unit: String,
     iso: f64,
     vertices: u64,
-    triangles: u64,
+    pub(super) triangles: u64,
     area: f64,
     volume: f64,
     bounds: Option<MeshBounds>,

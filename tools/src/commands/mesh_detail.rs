@@ -1,11 +1,13 @@
 //! A mesh of a detail or a size: the part as fractions of solid in coarse cells.
 
 use super::mesh::{ExpectedVolume, bytes_a_triangle, tolerance_in};
+use super::mesh_quality;
 use super::mesh_shells::{self, ShellChoice, ShellRegions, Shells};
 use super::{of_store, unit_of};
 use crate::args::MeshArgs;
 use crate::failure::Failure;
 use crate::measured::measured;
+use crate::progress::Bars;
 use crate::units::{Length, Size};
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, MeshArrays, contour, foresee_triangles};
@@ -61,12 +63,11 @@ pub fn find_chosen(
     output: &Path,
     (options, memory): (&ContourOptions, u64),
     expected: Option<&ExpectedVolume>,
-    bars: &dyn Progress,
+    bars: &Bars,
 ) -> Result<(SizedMesh, ShellChoice), Failure> {
     let most = most_triangles(args, output)?;
-    let mut ask = most;
-    let mut tries = 0;
-    loop {
+    let least = 0.9 * most as f64;
+    let make = |ask: u64| -> Result<(SizedMesh, ShellChoice, u64), Failure> {
         let made = find(args, (store, tree), ask, (options, memory), expected, bars)?;
         if made.kept.summary.triangles == 0 {
             let (path, cell, unit) = (store.path().display(), made.lattice.cell(), unit_of(store.meta()));
@@ -75,23 +76,67 @@ pub fn find_chosen(
             )
             .into());
         }
-        let coarse = FractionTree::new(&made.lattice, made.kept.depth);
-        let contoured = ContourOptions { tolerance: made.tolerance, ..options.clone() };
-        let chosen = mesh_shells::choose(args, &coarse, &contoured, memory, bars)
-            .map_err(|error| of_store(store, "shells", error))?;
+        let (chosen, kept) = choose(args, (store, &made), output, (options, memory), bars)?;
+        Ok((made, chosen, kept))
+    };
+    // What was asked for with too few triangles left, and with too many.
+    let (mut low, mut high) = (most, None);
+    // What was asked for with the most left that are not too many.
+    let (mut best, mut best_ask) = (0, most);
+    let (mut ask, mut last) = (most, 0);
+    for _ in 0..SHELL_TRIES {
+        let (made, chosen, kept) = make(ask)?;
+        if kept <= most && kept > best {
+            (best, best_ask) = (kept, ask);
+        }
         // What is left out makes room for more triangles of the rest.
-        let (kept, all) = (chosen.triangles, made.kept.summary.triangles);
-        let is_small = (kept as f64) < 0.9 * most as f64 && (kept as f64) < 0.95 * all as f64;
-        tries += 1;
-        if args.detail.is_some() || kept == 0 || kept <= most && (!is_small || tries > SHELL_TRIES) {
+        let all = made.kept.summary.triangles;
+        let is_small = (kept as f64) < least && (all as f64 >= least || (kept as f64) < 0.95 * all as f64);
+        let is_all = all == last && (all as f64) < 0.9 * ask as f64;
+        if args.detail.is_some() || kept == 0 || kept <= most && !is_small {
             return Ok((made, chosen));
         }
-        ask = if tries > SHELL_TRIES { most } else { (all as f64 * 0.95 * most as f64 / kept as f64) as u64 };
+        if made.is_flat() || is_all {
+            break;
+        }
+        last = all;
+        if kept > most {
+            high = Some(ask)
+        } else {
+            low = ask
+        }
+        // A mesh has about 0.95 of what is asked for, and so should what is left of it.
+        let guess = all as f64 * most as f64 / kept as f64;
+        let within = high.is_none_or(|high| guess > low as f64 && guess < high as f64);
+        ask = if within { guess } else { (low as f64 * high.unwrap_or(ask) as f64).sqrt() } as u64;
     }
+    let (made, chosen, _) = make(best_ask)?;
+    Ok((made, chosen))
 }
 
-/// How often a mesh is made anew because shells of it are left out.
-const SHELL_TRIES: usize = 2;
+/// How often a mesh is made, because shells or slivers of it are left out.
+const SHELL_TRIES: usize = 4;
+
+/// The shells of a mesh that are kept, and how many triangles they have in the file.
+fn choose(
+    args: &MeshArgs,
+    (store, made): (&Store, &SizedMesh),
+    output: &Path,
+    (options, memory): (&ContourOptions, u64),
+    bars: &Bars,
+) -> Result<(ShellChoice, u64), Failure> {
+    let tree = FractionTree::new(&made.lattice, made.kept.depth);
+    let options = ContourOptions { tolerance: made.tolerance, ..options.clone() };
+    let chosen = mesh_shells::choose(args, &tree, &options, memory, bars)
+        .map_err(|error| of_store(store, "shells", error))?;
+    // A mesh of a detail has as many as it has.
+    if !args.quality || args.detail.is_some() || chosen.triangles == 0 {
+        let kept = chosen.triangles;
+        return Ok((chosen, kept));
+    }
+    let kept = mesh_quality::improved_triangles(&chosen, (store, &tree), &options, output, bars)?;
+    Ok((chosen, kept))
+}
 
 /// The mesh of at most so many triangles, or of the detail that is asked for.
 fn find(
@@ -194,6 +239,8 @@ pub struct MeshDetail {
     pub cell: f64,
     /// The store's cells in one of them, along an axis.
     pub factor: u32,
+    /// Samples in one of them, along an axis.
+    pub samples_per_cell: u32,
     /// The fraction of solid at the surface.
     pub fraction: f64,
     /// How far the surface was moved for the sake of fewer triangles.
@@ -223,6 +270,7 @@ impl MeshDetail {
         Ok(MeshDetail {
             cell: made.lattice.cell(),
             factor: made.lattice.factor(),
+            samples_per_cell: made.lattice.samples_per_cell(),
             fraction: made.kept.fraction,
             tolerance: made.tolerance,
             voids: of(false),
@@ -257,12 +305,17 @@ impl MeshDetail {
 
     /// For people.
     pub fn text(&self, shells: &Shells, unit: &str) -> String {
-        let MeshDetail { cell, factor, fraction, tolerance, voids, pieces, distances } = self;
+        let MeshDetail { cell, factor, samples_per_cell, fraction, tolerance, voids, pieces, distances } =
+            self;
+        let sampled = match samples_per_cell {
+            1 => String::new(),
+            samples => format!(", with {samples} samples in each"),
+        };
         let [of_voids, mut of_pieces] = [shells.all_voids(), shells.all_pieces()];
         // Shells enclose their voids as well.
         of_pieces.volume -= of_voids.volume;
         let mut text = format!(
-            "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis; the surface is where {:.1}% is solid",
+            "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis{sampled}; the surface is where {:.1}% is solid",
             100.0 * fraction
         );
         if *tolerance > 0.0 {
@@ -316,10 +369,12 @@ pub fn fewer_triangles(made: &SizedMesh, triangles: u64, most: u64) -> Option<St
     let least = most / 10 * 9;
     let why = if made.kept.summary.triangles >= least {
         "the others were slivers, or of shells that are left out"
+    } else if made.is_flat() {
+        "flat faces are merged, and more triangles would be no nearer to the part"
     } else if made.lattice.factor() == 1 {
         "the store has no more"
     } else {
-        "with more of them the volume would not be kept"
+        "smaller cells would have more than that, or not keep the volume"
     };
     let told =
         format!("{triangles} triangles are fewer than nine tenths of {most}, which were asked for: {why}");

@@ -5,7 +5,7 @@ use super::mesh_shells::ShellChoice;
 use crate::failure::Failure;
 use crate::memory;
 use crate::progress::Bars;
-use brickfield_engine::contour::{Angles, ContourOptions, ImprovedSink, MeshSink};
+use brickfield_engine::contour::{Angles, ContourOptions, DiscardSink, ImprovedSink, MeshSink};
 use brickfield_engine::store::{BrickTree, Store};
 use serde::Serialize;
 use std::path::Path;
@@ -67,4 +67,18 @@ pub fn write_improved(
         most_distance,
     });
     Ok(report)
+}
+
+/// How many triangles the shells that are kept have without slivers.
+///
+/// # Errors
+/// As [`write_improved`].
+pub fn improved_triangles(
+    chosen: &ShellChoice,
+    trees: (&Store, &dyn BrickTree),
+    options: &ContourOptions,
+    output: &Path,
+    bars: &Bars,
+) -> Result<u64, Failure> {
+    Ok(write_improved(chosen, trees, options, (output, &mut DiscardSink), bars)?.triangles)
 }

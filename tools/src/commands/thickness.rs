@@ -202,7 +202,8 @@ fn document(args: &ThicknessArgs, store: &Store, values: &PointNumbers, cell: f6
     let (count, measured) = values.counts();
     let place = |share: f64| ((measured as f64 * share).ceil() as usize).clamp(1, measured.max(1)) - 1;
     let ranks = [0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0].map(place);
-    let told = if measured > 0 { values.at_ranks(&ranks)? } else { vec![f64::NAN; ranks.len()] };
+    let told =
+        if measured > 0 { values.at_ranks(&ranks, |value| value)? } else { vec![f64::NAN; ranks.len()] };
     let most = if measured > 0 { told[6] } else { 0.0 };
     let mut bars = vec![0u64; BARS];
     let mut sum = 0.0;

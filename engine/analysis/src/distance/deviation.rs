@@ -16,6 +16,9 @@ const SLACK: f64 = 0.1;
 /// Shares of points, in percent, that lie below the numbers told of a spread.
 pub const PERCENTILES: [f64; 5] = [0.1, 1.0, 50.0, 99.0, 99.9];
 
+/// The same of distances to either side.
+pub const ABSOLUTE_PERCENTILES: [f64; 4] = [50.0, 95.0, 99.0, 99.9];
+
 /// What a part is compared with.
 #[derive(Clone, Copy)]
 pub enum Reference<'a> {
@@ -58,6 +61,8 @@ pub struct Spread {
     pub min: f64,
     /// What [`PERCENTILES`] of all are at most.
     pub percentiles: [f64; 5],
+    /// Within which distance to either side [`ABSOLUTE_PERCENTILES`] of all lie.
+    pub absolute: [f64; 4],
     /// The greatest.
     pub max: f64,
 }
@@ -212,7 +217,8 @@ impl Spread {
         })?;
         let place = |share: f64| ((points as f64 * share / 100.0).ceil() as usize).clamp(1, points) - 1;
         let ranks: Vec<usize> = PERCENTILES.into_iter().map(place).chain([0, points - 1]).collect();
-        let told = values.at_ranks(&ranks)?;
+        let told = values.at_ranks(&ranks, |value| value)?;
+        let absolute = values.at_ranks(&ABSOLUTE_PERCENTILES.map(place), f64::abs)?;
         let (percentiles, ends) = told.split_at(PERCENTILES.len());
         Ok(Spread {
             points,
@@ -220,6 +226,7 @@ impl Spread {
             rms: (squares / points as f64).sqrt(),
             min: ends[0],
             percentiles: std::array::from_fn(|n| percentiles[n]),
+            absolute: std::array::from_fn(|n| absolute[n]),
             max: ends[1],
         })
     }

@@ -96,14 +96,14 @@ impl PointNumbers {
         })
     }
 
-    /// The numbers at some places among all, from the least at 0: by counts of their first halves, then of their second.
+    /// What `of` makes of the numbers, at some places among all, from the least at 0: by counts of first halves, then of second.
     ///
     /// # Errors
     /// As [`PointNumbers::each`].
-    pub fn at_ranks(&self, ranks: &[usize]) -> Result<Vec<f64>> {
+    pub fn at_ranks(&self, ranks: &[usize], of: impl Fn(f64) -> f64) -> Result<Vec<f64>> {
         const HALF: usize = 1 << 16;
         let mut firsts = vec![0u64; HALF];
-        self.each(|number| firsts[(in_order(number as f32) >> 16) as usize] += 1)?;
+        self.each(|number| firsts[(in_order(of(number) as f32) >> 16) as usize] += 1)?;
         let place = |counts: &[u64], mut rank: u64| {
             let found = counts.iter().position(|&count| {
                 let is_here = rank < count;
@@ -118,7 +118,7 @@ impl PointNumbers {
         wanted.dedup();
         let mut seconds = vec![vec![0u64; HALF]; wanted.len()];
         self.each(|number| {
-            let key = in_order(number as f32);
+            let key = in_order(of(number) as f32);
             if let Ok(n) = wanted.binary_search(&((key >> 16) as usize)) {
                 seconds[n][(key & 0xffff) as usize] += 1;
             }
@@ -198,7 +198,11 @@ mod tests {
             assert_eq!(sum, all.iter().map(|&n| f64::from(n)).sum::<f64>());
             all.sort_by(f32::total_cmp);
             let ranks = [0, 1, 17, all.len() / 2, all.len() - 2, all.len() - 1];
-            assert_eq!(numbers.at_ranks(&ranks).unwrap(), ranks.map(|rank| f64::from(all[rank])));
+            let told = numbers.at_ranks(&ranks, |value| value).unwrap();
+            assert_eq!(told, ranks.map(|rank| f64::from(all[rank])));
+            all.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+            let told = numbers.at_ranks(&ranks, f64::abs).unwrap();
+            assert_eq!(told, ranks.map(|rank| f64::from(all[rank].abs())));
         }
         assert!(
             [-1.5, -0.0, 0.0, 1e-30, 7.0]

@@ -27,7 +27,7 @@ const TELLING: u64 = 20_000;
 const ROUNDING: f64 = 1e-9;
 
 /// One brick of 32³ coarse samples.
-enum CoarseBrick {
+pub(super) enum CoarseBrick {
     /// Leaves may still add to it.
     Open(Box<[f64]>),
     /// Solid throughout.
@@ -46,8 +46,12 @@ pub struct Lattice {
     root: RootCube,
     /// The level of its bricks.
     pub(super) level: u8,
+    /// Half of the width of its tents, in samples.
+    pub(super) width: u32,
+    /// Samples before the tree's first one.
+    before: i64,
     /// Bricks that are not empty.
-    bricks: BTreeMap<NodeKey, CoarseBrick>,
+    pub(super) bricks: BTreeMap<NodeKey, CoarseBrick>,
     /// By the code of the last leaf that may add to them, bricks that are open.
     open: BTreeSet<(u64, NodeKey)>,
     /// By position, what is known of planes in bricks that are open.
@@ -65,15 +69,16 @@ pub struct Lattice {
     /// Whether planes are not looked for any more.
     is_rounded: bool,
     /// By fraction as stored, how many of the others have it.
-    counts: Box<[u64]>,
+    pub(super) counts: Box<[u64]>,
 }
 
 impl Lattice {
-    /// An empty one over a tree.
-    fn new(tree: &dyn BrickTree, finest: u8, factor: u32) -> Result<Lattice> {
+    /// An empty one over a tree, with room for tents that are so many samples wide.
+    fn new(tree: &dyn BrickTree, finest: u8, factor: u32, width: u32) -> Result<Lattice> {
         let fine = tree.root().spacing(finest);
         let cell = fine * f64::from(factor);
-        let samples = ((BRICK_CELLS as u64) << finest).div_ceil(u64::from(factor)) as i64 + 2 * BEFORE;
+        let before = BEFORE + i64::from(width) - 1;
+        let samples = ((BRICK_CELLS as u64) << finest).div_ceil(u64::from(factor)) as i64 + 2 * before;
         let fits = |level: &u8| (BRICK_CELLS as i64) << level > samples;
         let level = (0..=MAX_LEVEL)
             .find(fits)
@@ -82,7 +87,7 @@ impl Lattice {
         // Sample 0 of both lattices stands one unit of its own root above the corner.
         let first = tree.root().to_world([1.0; 3]);
         let unit = RootCube { origin: [0.0; 3], edge }.unit();
-        let origin = first.map(|c| c - BEFORE as f64 * cell - unit);
+        let origin = first.map(|c| c - before as f64 * cell - unit);
         let depths = (0..=u16::MAX).map(|f| depth(f64::from(f) / f64::from(FULL)) as f32).collect();
         let root = RootCube { origin, edge };
         let counts: Box<[u64]> = vec![0; usize::from(FULL) + 1].into();
@@ -90,6 +95,8 @@ impl Lattice {
             factor,
             root,
             level,
+            width: 1,
+            before,
             bricks: BTreeMap::new(),
             open: BTreeSet::new(),
             open_sharp: BTreeMap::new(),
@@ -97,7 +104,8 @@ impl Lattice {
             sum: 0.0,
             agreeing: [0; 2],
             exact_counts: counts.clone(),
-            is_rounded: false,
+            // What is sharp is known of cells as wide as tents.
+            is_rounded: width > 1,
             depths,
             counts,
         })
@@ -105,17 +113,27 @@ impl Lattice {
 
     /// How many of the finest cells an axis are one coarse cell.
     pub fn factor(&self) -> u32 {
-        self.factor
+        self.factor * self.width
     }
 
-    /// Edge of a coarse cell in the tree's unit.
+    /// Edge of a coarse cell in the tree's unit: what is narrower is averaged away.
     pub fn cell(&self) -> f64 {
+        self.spacing() * f64::from(self.width)
+    }
+
+    /// Samples in one coarse cell, along an axis.
+    pub fn samples_per_cell(&self) -> u32 {
+        self.width
+    }
+
+    /// Distance of two samples in the tree's unit.
+    fn spacing(&self) -> f64 {
         self.root.spacing(self.level)
     }
 
     /// The volume of solid, by chords between exact crossings, in the cube of the tree's unit.
     pub fn volume(&self) -> f64 {
-        self.sum * self.cell().powi(3)
+        self.sum * self.spacing().powi(3)
     }
 
     /// The coarse lattice as the root of a tree.
@@ -137,13 +155,25 @@ impl Lattice {
     pub(super) fn depths_around(&self, key: NodeKey) -> Vec<f32> {
         const N: usize = super::tree::AROUND;
         let mut depths = vec![-1.0; N * N * N];
+        self.for_around(key, (1, N), |place, fraction| depths[place] = self.depths[usize::from(fraction)]);
+        depths
+    }
+
+    /// Calls with place and fraction as stored, of samples in bricks that are not empty: those of a box, `size` of them an axis,
+    /// that begins `before` samples before the first of a brick. The box ends in one of the bricks around.
+    pub(super) fn for_around(
+        &self,
+        key: NodeKey,
+        (before, size): (usize, usize),
+        mut found: impl FnMut(usize, u16),
+    ) {
         for d in (0..27).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1]) {
             let Some(brick) = key.neighbour(d).and_then(|key| self.bricks.get(&key)) else { continue };
             let cells = BRICK_CELLS as i32;
             // Places in the box of this brick's samples, and theirs in the brick.
             let range = |a: usize| {
-                let start = 1 + d[a] * cells;
-                (start.max(0)..(start + cells).min(N as i32))
+                let start = before as i32 + d[a] * cells;
+                (start.max(0)..(start + cells).min(size as i32))
                     .map(move |at| (at as usize, (at - start) as usize))
             };
             for (z, k) in range(2) {
@@ -155,12 +185,11 @@ impl Lattice {
                             }
                             _ => FULL,
                         };
-                        depths[(z * N + y) * N + x] = self.depths[usize::from(fraction)];
+                        found((z * size + y) * size + x, fraction);
                     }
                 }
             }
         }
-        depths
     }
 
     /// Whether planes agree at so many samples that those are the part's, as of CAD parts. Beads have some flat faces as well;
@@ -229,15 +258,17 @@ impl Lattice {
     /// About the volume within the surface at a depth, in the cube of the tree's unit: each sample stands for a cell, or for
     /// part of one at the surface.
     pub(super) fn volume_within(&self, at: f64) -> f64 {
+        let samples = f64::from(self.width);
         let sum = |counts: &[u64], at: f64| {
-            self.depths.iter().zip(counts).map(|(&depth, &count)| part(depth, at) * count as f64).sum::<f64>()
+            let parts = self.depths.iter().zip(counts);
+            parts.map(|(&depth, &count)| part(depth, at, samples) * count as f64).sum::<f64>()
         };
         let exact = sum(&self.exact_counts, if self.is_sharp() { 0.0 } else { at });
-        (sum(&self.counts, at) + exact) * self.cell().powi(3)
+        (sum(&self.counts, at) + exact) * self.spacing().powi(3)
     }
 
     /// Heap bytes of all bricks.
-    fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         let mixed = self.mixed().count() as u64;
         let open_sharp = self.open_sharp.values().map(OpenSharp::bytes).sum::<u64>();
         let sharp = self.sharp.values().map(Sharp::bytes).sum::<u64>();
@@ -246,7 +277,7 @@ impl Lattice {
 
     /// Adds what a leaf adds.
     fn add(&mut self, block: &SumBox, (finest, factor): (u8, u32)) {
-        let first = block.first.map(|c| c + BEFORE);
+        let first = block.first.map(|c| c + self.before);
         let last: [i64; 3] = std::array::from_fn(|a| first[a] + block.size[a] as i64 - 1);
         let bricks = |a: usize| first[a] >> 5..=last[a] >> 5;
         for (p, q, r) in
@@ -257,7 +288,7 @@ impl Lattice {
             if part.peek().is_none() {
                 continue;
             }
-            let done = last_leaf(key, finest, factor);
+            let done = last_leaf(key, self.before, (finest, factor));
             let open = &mut self.open;
             let brick = self.bricks.entry(key).or_insert_with(|| {
                 open.insert((done, key));
@@ -299,9 +330,10 @@ impl Lattice {
     }
 }
 
-/// About what a sample of some depth stands for, in cells, within the surface at another.
-fn part(depth: f32, at: f64) -> f64 {
-    (f64::from(depth) - at + 0.5).clamp(0.0, 1.0)
+/// About what a sample of some depth stands for, in distances of samples cubed, within the surface at another. Depths are in
+/// cells of so many samples.
+fn part(depth: f32, at: f64, samples: f64) -> f64 {
+    ((f64::from(depth) - at) * samples + 0.5).clamp(0.0, 1.0)
 }
 
 /// A fraction as stored: none and all are kept apart from what is nearly so.
@@ -331,10 +363,10 @@ fn part_of(block: &SumBox, first: [i64; 3], base: [i64; 3]) -> impl Iterator<Ite
 }
 
 /// The code of the last leaf, in Morton order, that may add to a brick: the one at the upper end of what its tents reach.
-fn last_leaf(key: NodeKey, finest: u8, factor: u32) -> u64 {
+fn last_leaf(key: NodeKey, before: i64, (finest, factor): (u8, u32)) -> u64 {
     let most = ((BRICK_CELLS as i64) << finest) - 1;
     let upper = key.position().map(|p| {
-        let last = (i64::from(p) + 1) * BRICK_CELLS as i64 - 1 - BEFORE;
+        let last = (i64::from(p) + 1) * BRICK_CELLS as i64 - 1 - before;
         ((last + 1) * i64::from(factor) - 1).clamp(0, most)
     });
     let bits = crate::lattice::spacing_bits(finest);
@@ -359,12 +391,44 @@ pub fn fractions(
     progress: &dyn Progress,
 ) -> Result<Vec<Lattice>> {
     let finest = tree.deepest_level();
-    let mut lattices =
-        factors.iter().map(|&factor| Lattice::new(tree, finest, factor)).collect::<Result<Vec<_>>>()?;
+    let new = |&factor: &u32| Lattice::new(tree, finest, factor, 1);
+    let mut lattices = factors.iter().map(new).collect::<Result<Vec<_>>>()?;
+    fill(&mut lattices, (tree, factors), memory, progress)?;
+    Ok(lattices)
+}
+
+/// A lattice with cells of `factor` of the finest ones an axis and so many `samples` in each, which divide `factor`: its
+/// surface is smooth over a cell, as that of a lattice with one sample each, and better sampled. Sharp edges are rounded.
+///
+/// # Errors
+/// As [`fractions`].
+pub fn fine_fractions(
+    tree: &dyn BrickTree,
+    (factor, samples): (u32, u32),
+    memory: u64,
+    progress: &dyn Progress,
+) -> Result<Lattice> {
+    let factor = factor / samples;
+    let mut lattices = [Lattice::new(tree, tree.deepest_level(), factor, samples)?];
+    // Those of narrow tents and those of wide ones are held together.
+    fill(&mut lattices, (tree, &[factor]), memory / 2, progress)?;
+    let [lattice] = lattices;
+    Ok(lattice.widened(samples))
+}
+
+/// Sums up what the leaves add.
+fn fill(
+    lattices: &mut [Lattice],
+    (tree, factors): (&dyn BrickTree, &[u32]),
+    memory: u64,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let finest = tree.deepest_level();
     let order = LeafOrder::new(tree)?;
     progress.phase("fractions", Some(order.keys().len() as u64), "bricks");
     // What comes after is ignored, so it does not matter which threads have seen it.
-    let rounded: Vec<AtomicBool> = factors.iter().map(|_| AtomicBool::new(false)).collect();
+    let rounded: Vec<AtomicBool> =
+        lattices.iter().map(|lattice| AtomicBool::new(lattice.is_rounded)).collect();
     let base = base_of(factors);
     let make = |leaf: &Leaf<'_>| {
         let of = |(&factor, rounded): (&u32, &AtomicBool)| {
@@ -404,6 +468,5 @@ pub fn fractions(
             ));
         }
         Ok(())
-    })?;
-    Ok(lattices)
+    })
 }

@@ -11,6 +11,7 @@
 //! | `sharp` | where planes of the fine level agree, so that edges stay sharp |
 //! | `lattice` | all sums, brick by brick, completed as leaves pass in Morton order |
 //! | `tree` | a surface of the fractions as a tree that can be contoured |
+//! | `widen` | wide tents from narrow ones, for cells with several samples |
 //! | `level` | the surface that keeps the volume |
 //! | `size` | the detail at which a mesh has so many triangles |
 //! | `closest` | the distance of points from a mesh |
@@ -27,9 +28,10 @@ mod size;
 #[cfg(test)]
 mod tests;
 mod tree;
+mod widen;
 
 pub use distance::{Distances, distances};
-pub use lattice::{Lattice, fractions};
+pub use lattice::{Lattice, fine_fractions, fractions};
 pub use level::{LevelSurface, keep_volume, surface};
 pub use size::{DetailRequest, SizedMesh, of_triangles};
 pub use tree::FractionTree;

@@ -1,12 +1,13 @@
 //! The detail at which a mesh has so many triangles.
 
-use super::lattice::{Lattice, fractions};
+use super::lattice::{Lattice, fine_fractions, fractions};
 use super::level::{LevelSurface, depth_of, keep_volume, measure};
 use super::{FractionTree, factor_of};
 use crate::contour::ContourOptions;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::store::BrickTree;
+use std::cmp::Reverse;
 
 /// The share of the triangles asked for that a mesh has at least.
 const LEAST_SHARE: f64 = 0.9;
@@ -24,8 +25,14 @@ const REACH: f64 = 2.2;
 const MOST_TOLERANCE: f64 = 0.3;
 /// By how much of its volume a mesh may be off while another may be nearer.
 const MOST_OFF: f64 = 1e-3;
+/// By how much it may be off and yet be better than one with too few triangles.
+const TOLERABLE_OFF: f64 = 1e-2;
 /// Tolerances that are tried at most.
 const TRIES: usize = 9;
+/// A tolerance of so many cells moves nothing: it merges what is flat.
+const NOTHING: f64 = 1e-6;
+/// Finer lattices that are tried at most where a tolerance of nothing takes too much.
+const FINER: usize = 6;
 
 /// A mesh of about the size asked for, not written yet.
 pub struct SizedMesh {
@@ -35,6 +42,45 @@ pub struct SizedMesh {
     pub kept: LevelSurface,
     /// How far it may move for the sake of fewer triangles.
     pub tolerance: f64,
+}
+
+impl SizedMesh {
+    /// Whether only what is flat was merged: more triangles would be no nearer to the part in these cells.
+    pub fn is_flat(&self) -> bool {
+        self.tolerance > 0.0 && self.tolerance <= NOTHING * self.lattice.cell()
+    }
+
+    /// By which share of the volume it is off.
+    fn off(&self, request: &DetailRequest<'_>) -> f64 {
+        let volume = request.volume.unwrap_or(self.lattice.volume());
+        (self.kept.summary.volume / volume - 1.0).abs()
+    }
+
+    /// How near it is to what is asked for.
+    fn fit(&self, request: &DetailRequest<'_>) -> Fit {
+        let triangles = self.kept.summary.triangles;
+        let is_enough = triangles as f64 >= LEAST_SHARE * request.most as f64;
+        let parts = |share: f64| (share * 1e9) as u64;
+        let off = parts(self.off(request));
+        match is_enough {
+            true if off <= parts(MOST_OFF) => Fit::Both(triangles),
+            true if off <= parts(TOLERABLE_OFF) => Fit::Number(Reverse(off)),
+            _ if off <= parts(MOST_OFF) => Fit::Volume(triangles),
+            _ => Fit::Neither(Reverse(off)),
+        }
+    }
+}
+
+/// What of a request a mesh holds, the least first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Fit {
+    /// Neither; by how many parts in 10⁹ of the volume it is off.
+    Neither(Reverse<u64>),
+    /// Not the number of triangles, which it has.
+    Volume(u64),
+    /// The number, and nearly the volume.
+    Number(Reverse<u64>),
+    Both(u64),
 }
 
 /// What is asked for.
@@ -52,8 +98,11 @@ pub struct DetailRequest<'a> {
     pub memory: u64,
 }
 
-/// A mesh of at most so many triangles and no less than nine tenths of them, if there are so many at all: the coarsest
-/// lattice that has more of them, and a tolerance that takes away the rest.
+/// A mesh of at most so many triangles and no less than nine tenths of them, where there are so many: the coarsest lattice
+/// that has more of them, and a tolerance that takes away the rest.
+///
+/// Between two whole numbers of cells triangles may be too many and too few. Then the cells of the coarser one are sampled
+/// more finely. Where flat faces alone take away too much, finer lattices follow.
 ///
 /// # Errors
 /// [`Error::Setting`] if no mesh has so few; as [`fractions`] and [`crate::contour::contour`].
@@ -62,30 +111,108 @@ pub fn of_triangles(
     request: DetailRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<SizedMesh> {
-    let (mut lattice, mut larger) = first_lattice(tree, &request, progress)?;
+    let mut found = coarsest(tree, &request, progress)?;
+    let is_done = |found: &SizedMesh| matches!(found.fit(&request), Fit::Both(_));
+    if is_done(&found) || found.lattice.factor() == 1 {
+        return Ok(found);
+    }
+    if found.is_flat() {
+        found = finer(tree, found, &request, progress)?;
+    }
+    for (factor, samples) in well_sampled(found.lattice.factor()) {
+        if is_done(&found) || found.is_flat() {
+            break;
+        }
+        found = better_sampled(tree, found, (factor, samples), &request, progress)?;
+    }
+    Ok(found)
+}
+
+/// The coarsest lattice that has enough triangles, and a tolerance that takes away the rest; coarser ones, if that does not
+/// reach or takes too much of the volume.
+fn coarsest(tree: &dyn BrickTree, request: &DetailRequest<'_>, progress: &dyn Progress) -> Result<SizedMesh> {
+    let (mut lattice, mut larger) = first_lattice(tree, request, progress)?;
     let mut least = u64::MAX;
-    // The one whose volume is nearest, of those that do not keep it.
-    let mut nearest: Option<(f64, SizedMesh)> = None;
+    let mut best: Option<SizedMesh> = None;
     loop {
-        let volume = request.volume.unwrap_or(lattice.volume());
-        if let Some(found) = fitted(lattice, &request, &mut least, progress)? {
-            let off = (found.kept.summary.volume / volume - 1.0).abs();
-            if off <= MOST_OFF {
-                return Ok(found);
+        let factor = f64::from(lattice.factor());
+        if let Some(found) = fitted(lattice, request, &mut least, progress)? {
+            let fit = found.fit(request);
+            if best.as_ref().is_none_or(|best| fit > best.fit(request)) {
+                best = Some(found);
             }
-            if nearest.as_ref().is_none_or(|(best, _)| off < *best) {
-                nearest = Some((off, found));
+            // Coarser ones have fewer triangles.
+            if matches!(fit, Fit::Both(_) | Fit::Volume(_)) {
+                larger.clear();
             }
         }
         // The tolerance does not reach, or takes too much: a coarser lattice.
-        lattice = match (larger.pop(), nearest.take()) {
-            (Some(lattice), kept) => {
-                nearest = kept;
-                lattice
-            }
-            (None, Some((_, found))) => return Ok(found),
-            (None, None) => return Err(too_few(request.most, least)),
+        if larger.is_empty() && best.is_none() && factor * STEP <= most_factor(tree) {
+            let factors = factors(factor * STEP, (factor * REACH).min(most_factor(tree)));
+            larger = fractions(tree, &factors, request.memory, progress)?;
+            larger.reverse();
+        }
+        lattice = match larger.pop() {
+            Some(lattice) => lattice,
+            None => return best.ok_or_else(|| too_few(request.most, least)),
         };
+    }
+}
+
+/// The mesh of the finest lattice whose triangles a tolerance brings down to those asked for, or `found` if there is none finer.
+fn finer(
+    tree: &dyn BrickTree,
+    mut found: SizedMesh,
+    request: &DetailRequest<'_>,
+    progress: &dyn Progress,
+) -> Result<SizedMesh> {
+    for _ in 0..FINER {
+        let factor = found.lattice.factor() * 2 / 3;
+        if factor == 0 || !found.is_flat() {
+            break;
+        }
+        let memory = request.memory.saturating_sub(found.lattice.bytes());
+        let lattice = fitting(fractions(tree, &[factor], memory, progress))?;
+        let Some(lattice) = lattice.and_then(|mut lattices| lattices.pop()) else { break };
+        match fitted(lattice, request, &mut u64::MAX.clone(), progress)? {
+            // Where the volume is kept as well, smaller cells are nearer.
+            Some(next) if next.off(request) <= found.off(request).max(MOST_OFF) => found = next,
+            _ => break,
+        }
+    }
+    Ok(found)
+}
+
+/// Factors of cells with several samples, and how many, that have more triangles than cells of `factor` with one.
+fn well_sampled(factor: u32) -> Vec<(u32, u32)> {
+    match factor {
+        3 => vec![(4, 2), (3, 3)],
+        _ => vec![(factor.next_multiple_of(2), 2)],
+    }
+}
+
+/// The mesh of cells with several samples in each, or `found` if that is better.
+fn better_sampled(
+    tree: &dyn BrickTree,
+    found: SizedMesh,
+    cells: (u32, u32),
+    request: &DetailRequest<'_>,
+    progress: &dyn Progress,
+) -> Result<SizedMesh> {
+    let memory = request.memory.saturating_sub(found.lattice.bytes());
+    let Some(lattice) = fitting(fine_fractions(tree, cells, memory, progress))? else {
+        return Ok(found);
+    };
+    let next = fitted(lattice, request, &mut u64::MAX.clone(), progress)?;
+    Ok(next.filter(|next| next.fit(request) > found.fit(request)).unwrap_or(found))
+}
+
+/// What was made, if it fits the memory.
+fn fitting<T>(made: Result<T>) -> Result<Option<T>> {
+    match made {
+        Ok(made) => Ok(Some(made)),
+        Err(Error::Setting { .. }) => Ok(None),
+        Err(error) => Err(error),
     }
 }
 
@@ -110,7 +237,8 @@ fn first_lattice(
     let mut is_known_above = false;
     loop {
         let factors = factors(from, to);
-        let mut lattices = fractions(tree, &factors, request.memory, progress)?;
+        let held = coarser.iter().map(Lattice::bytes).sum();
+        let mut lattices = fractions(tree, &factors, request.memory.saturating_sub(held), progress)?;
         let has_enough = |lattice: &Lattice| {
             let depth = depth_of(lattice, request.volume.unwrap_or(lattice.volume()));
             FractionTree::new(lattice, depth).triangles() as f64 >= SURE_SHARE * request.most as f64

@@ -154,3 +154,48 @@ fn wide_tents_are_sums_of_narrow_ones() {
     }
     assert!(seen > 100);
 }
+
+#[test]
+fn samples_in_a_cell_add_up_to_the_mean_over_it() {
+    // Wide tents of a fine lattice have the values of the coarse one where both have a sample: to what storing rounds.
+    let tree = tree(0, 2);
+    for (factor, samples) in [(2, 2), (8, 2), (10, 5)] {
+        let coarse = fractions(&tree, &[factor], u64::MAX, &Silent).unwrap().pop().unwrap();
+        let fine = fine_fractions(&tree, (factor, samples), u64::MAX, &Silent).unwrap();
+        assert_eq!((fine.factor(), fine.samples_per_cell()), (factor, samples));
+        assert!((fine.cell() / coarse.cell() - 1.0).abs() < 1e-12);
+        assert!((fine.volume() / coarse.volume() - 1.0).abs() < 1e-5);
+        let sides = [&coarse, &fine].map(|lattice| {
+            let summary = surface(lattice, 0.5, &ContourOptions::default(), &Silent).unwrap().summary;
+            (summary.volume, summary.triangles as f64)
+        });
+        let [(of_coarse, few), (of_fine, many)] = sides;
+        // A ball of 1.2: a surface with more samples has more triangles by their square, and curves more truly.
+        let square = f64::from(samples * samples);
+        assert!((many / few / square - 1.0).abs() < 0.15, "{factor} {samples}: {few} {many}");
+        assert!((of_fine / of_coarse - 1.0).abs() < 0.02, "{factor} {samples}: {of_coarse} {of_fine}");
+        let kept = keep_volume(&fine, fine.volume(), None, &ContourOptions::default(), &Silent).unwrap();
+        assert!(kept.is_near, "{factor} {samples}: {kept:?}");
+    }
+    let refused = fine_fractions(&tree, (4, 2), 1000, &Silent).map(|_| ()).unwrap_err();
+    assert!(refused.to_string().contains("do not fit the memory"), "{refused}");
+}
+
+#[test]
+fn every_number_of_triangles_is_met_or_more_would_be_no_nearer() {
+    let options = ContourOptions::default();
+    for (shape, numbers) in [(0, &[200, 1500, 6000][..]), (1, &[60_000])] {
+        let tree = tree(shape, 2);
+        for &most in numbers {
+            let request =
+                DetailRequest { most, of_all: 60_000, volume: None, options: &options, memory: u64::MAX };
+            let made = of_triangles(&tree, request, &Silent).unwrap();
+            let triangles = made.kept.summary.triangles;
+            assert!(triangles <= most, "{shape} {most}: {triangles}");
+            let is_enough = triangles * 10 >= most * 9;
+            // A box needs twelve.
+            assert!(is_enough || shape == 1 && made.is_flat(), "{shape} {most}: {triangles}");
+            assert!(shape == 0 || made.lattice.factor() == 1, "{most}: {}", made.lattice.factor());
+        }
+    }
+}
