@@ -23,6 +23,8 @@ const FINEST_STEP: u32 = 4;
 const REACH: f64 = 2.2;
 /// The largest tolerance in coarse cells: beyond it a coarser lattice is nearer to the part for as many triangles.
 const MOST_TOLERANCE: f64 = 0.3;
+/// The largest where coarser lattices have no surface, as of infill whose lines are closer than cells.
+const LAST_TOLERANCE: f64 = 1.0;
 /// By how much of its volume a mesh may be off while another may be nearer.
 const MOST_OFF: f64 = 1e-3;
 /// By how much it may be off and yet be better than one with too few triangles.
@@ -132,11 +134,15 @@ pub fn of_triangles(
 /// reach or takes too much of the volume.
 fn coarsest(tree: &dyn BrickTree, request: &DetailRequest<'_>, progress: &dyn Progress) -> Result<SizedMesh> {
     let (mut lattice, mut larger) = first_lattice(tree, request, progress)?;
-    let mut least = u64::MAX;
     let mut best: Option<SizedMesh> = None;
+    // The fewest triangles of any, and the factor of that lattice.
+    let (mut least, mut of_least) = (u64::MAX, 0);
     loop {
-        let factor = f64::from(lattice.factor());
-        if let Some(found) = fitted(lattice, request, &mut least, progress)? {
+        let (whole, before) = (lattice.factor(), least);
+        let factor = f64::from(whole);
+        let found = fitted(lattice, request, (MOST_TOLERANCE, &mut least), progress)?;
+        of_least = if least < before { whole } else { of_least };
+        if let Some(found) = found {
             let fit = found.fit(request);
             if best.as_ref().is_none_or(|best| fit > best.fit(request)) {
                 best = Some(found);
@@ -154,9 +160,15 @@ fn coarsest(tree: &dyn BrickTree, request: &DetailRequest<'_>, progress: &dyn Pr
         }
         lattice = match larger.pop() {
             Some(lattice) => lattice,
-            None => return best.ok_or_else(|| too_few(request.most, least)),
+            None => break,
         };
     }
+    if best.is_none() && of_least > 0 {
+        let lattice = fractions(tree, &[of_least], request.memory, progress)?.pop();
+        let lattice = lattice.expect("one factor gives one lattice");
+        best = fitted(lattice, request, (LAST_TOLERANCE, &mut least), progress)?;
+    }
+    best.ok_or_else(|| too_few(request.most, least))
 }
 
 /// The mesh of the finest lattice whose triangles a tolerance brings down to those asked for, or `found` if there is none finer.
@@ -174,7 +186,7 @@ fn finer(
         let memory = request.memory.saturating_sub(found.lattice.bytes());
         let lattice = fitting(fractions(tree, &[factor], memory, progress))?;
         let Some(lattice) = lattice.and_then(|mut lattices| lattices.pop()) else { break };
-        match fitted(lattice, request, &mut u64::MAX.clone(), progress)? {
+        match fitted(lattice, request, (MOST_TOLERANCE, &mut u64::MAX.clone()), progress)? {
             // Where the volume is kept as well, smaller cells are nearer.
             Some(next) if next.off(request) <= found.off(request).max(MOST_OFF) => found = next,
             _ => break,
@@ -203,7 +215,7 @@ fn better_sampled(
     let Some(lattice) = fitting(fine_fractions(tree, cells, memory, progress))? else {
         return Ok(found);
     };
-    let next = fitted(lattice, request, &mut u64::MAX.clone(), progress)?;
+    let next = fitted(lattice, request, (MOST_TOLERANCE, &mut u64::MAX.clone()), progress)?;
     Ok(next.filter(|next| next.fit(request) > found.fit(request)).unwrap_or(found))
 }
 
@@ -298,7 +310,7 @@ fn most_factor(tree: &dyn BrickTree) -> f64 {
 fn fitted(
     lattice: Lattice,
     request: &DetailRequest<'_>,
-    least: &mut u64,
+    (most_tolerance, least): (f64, &mut u64),
     progress: &dyn Progress,
 ) -> Result<Option<SizedMesh>> {
     let volume = request.volume.unwrap_or(lattice.volume());
@@ -313,7 +325,8 @@ fn fitted(
     if kept.summary.triangles as f64 <= most {
         return Ok(Some(SizedMesh { lattice, kept, tolerance: 0.0 }));
     }
-    let mut search = Tolerances { low: 0.0, high: None, cell: lattice.cell() };
+    let largest = most_tolerance * lattice.cell();
+    let mut search = Tolerances { low: 0.0, high: None, largest };
     options.tolerance = 0.02 * lattice.cell();
     for _ in 0..TRIES {
         let tree = FractionTree::new(&lattice, kept.depth);
@@ -347,7 +360,8 @@ struct Tolerances {
     low: f64,
     /// One with too few.
     high: Option<f64>,
-    cell: f64,
+    /// The largest that may be tried.
+    largest: f64,
 }
 
 impl Tolerances {
@@ -360,8 +374,8 @@ impl Tolerances {
         }
         match self.high {
             Some(high) => Some((self.low.max(high * 0.02) * high).sqrt().max(0.5 * self.low)),
-            None if tolerance >= MOST_TOLERANCE * self.cell => None,
-            None => Some((tolerance * (1.5 * share / AIM).clamp(1.3, 4.0)).min(MOST_TOLERANCE * self.cell)),
+            None if tolerance >= self.largest => None,
+            None => Some((tolerance * (1.5 * share / AIM).clamp(1.3, 4.0)).min(self.largest)),
         }
     }
 }
