@@ -5,7 +5,7 @@ use brickfield_core::sweep::part_or_all;
 use brickfield_engine::Silent;
 use brickfield_engine::analysis::FaceBeads;
 use brickfield_engine::brick::Count;
-use brickfield_engine::build::{BuildOptions, Resolution, bead_sources, build_beads};
+use brickfield_engine::build::{BuildOptions, Resolution, bead_sources, build_beads, listed_beads};
 use brickfield_engine::contour::Coordinates;
 use brickfield_engine::ingest::{Input, OpenOptions};
 use brickfield_engine::lattice::RootCube;
@@ -46,6 +46,16 @@ fn table(store: &Store) -> Vec<u8> {
     let levels = SplatLevels::new(store, LevelsOptions::default(), &Silent).unwrap();
     let splats = bsp_bytes(&levels, "mm", [[0.0; 3], [1.0; 3]], &Silent).unwrap().0;
     PickBeads::new(store, &Silent).unwrap().unwrap().bytes(&splats)
+}
+
+/// The same without the store's lists, from the toolpath.
+fn table_of_toolpath(name: &str, store: &Store) -> Vec<u8> {
+    let input = input(name);
+    let sources = bead_sources(std::slice::from_ref(&input)).unwrap();
+    let (tables, segments) = listed_beads(&sources, (Outline::Stadium, Count::Passes), store.root()).unwrap();
+    let levels = SplatLevels::new(store, LevelsOptions::default(), &Silent).unwrap();
+    let splats = bsp_bytes(&levels, "mm", [[0.0; 3], [1.0; 3]], &Silent).unwrap().0;
+    PickBeads::of(store, tables, segments, &Silent).unwrap().bytes(&splats)
 }
 
 /// What a pick tells, of the blocks that it needs.
@@ -113,6 +123,7 @@ fn picks_tell_the_bead_that_the_solids_tell() {
         let folder = tempfile::tempdir().unwrap();
         let store = store(name, folder.path());
         let bytes = table(&store);
+        assert!(table_of_toolpath(name, &store) == bytes, "{name}");
         let mut table = PickTable::open(&bytes).unwrap();
         let truth = Truth::of(name, store.root());
         assert_eq!(table.header().segments, truth.segments.len() as u64, "{name}");

@@ -1,15 +1,20 @@
 //! What picks in pages of splats tell.
 
 use crate::failure::Failure;
+use crate::options::error_with_options;
 use crate::output::{in_line, note};
 use crate::splat_args::{PicksArg, SplatsArgs};
 use crate::units::Size;
 use anyhow::anyhow;
-use brickfield_engine::Progress;
-use brickfield_engine::splats::PickBeads;
-use brickfield_engine::store::Store;
+use brickfield_engine::build::{bead_sources, bounds_of_sources, listed_beads};
+use brickfield_engine::ingest::{Input, OpenOptions};
+use brickfield_engine::solid::Outline;
+use brickfield_engine::splats::{PickBeads, viewer_bytes};
+use brickfield_engine::store::{BeadsMeta, BrickTree, Store};
+use brickfield_engine::{Error, ErrorKind, Progress};
+use std::path::Path;
 
-/// Of the bytes of splats in a page, those of beads may be one in so many.
+/// Beads may take one in so many of the bytes of all else in a page.
 const SHARE: usize = 2;
 
 /// What picks tell, and whether somebody asked for that.
@@ -29,22 +34,31 @@ impl Picks {
         if wanted == PicksArg::Positions {
             return Ok(picks);
         }
-        let Some(memory) = PickBeads::memory(store) else {
+        let name = in_line(&args.store);
+        let Some(beads) = &store.meta().beads else {
             let is_toolpath = store.meta().sources.iter().any(|source| source.format.contains("G-code"));
-            if is_asked || store.meta().beads.is_some() || is_toolpath {
-                let name = in_line(&args.store);
-                picks.refuse(&format!(
-                    "{name}: the store does not tell beads apart; build it from toolpaths with --identity"
-                ))?;
+            if is_asked || is_toolpath {
+                let what =
+                    "the store knows no beads as solids; build it from toolpaths, without --beads mesh";
+                picks.refuse(&format!("{name}: {what}"))?;
             }
             return Ok(picks);
         };
+        let memory = PickBeads::memory(store).unwrap_or_default();
         if memory > args.memory.0 {
-            let (name, needed) = (in_line(&args.store), Size(memory));
+            let needed = Size(memory);
             picks.refuse(&format!("{name}: its beads take {needed} of memory; allow more with --memory"))?;
             return Ok(picks);
         }
-        picks.beads = PickBeads::new(store, bars)?;
+        if beads.identity.is_some() {
+            picks.beads = PickBeads::new(store, bars)?;
+            return Ok(picks);
+        }
+        match read_again(store, beads, bars) {
+            Ok(beads) => picks.beads = Some(beads),
+            Err(Unread::Interrupted(error)) => return Err(error.into()),
+            Err(Unread::For(why)) => picks.refuse(&format!("{why}; build {name} with --identity"))?,
+        }
         Ok(picks)
     }
 
@@ -57,12 +71,13 @@ impl Picks {
     pub fn within(&mut self, splats: &[u8]) -> Result<Vec<u8>, Failure> {
         let Some(beads) = &self.beads else { return Ok(Vec::new()) };
         let table = beads.bytes(splats);
-        if self.is_asked || table.len() <= splats.len() / SHARE {
+        let rest = splats.len() + viewer_bytes();
+        if self.is_asked || table.len() <= rest / SHARE {
             return Ok(table);
         }
-        let [of_beads, of_splats] = [table.len(), splats.len()].map(|bytes| Size(bytes as u64));
+        let [of_beads, of_rest] = [table.len(), rest].map(|bytes| Size(bytes as u64));
         self.refuse(&format!(
-            "beads would take {of_beads} beside {of_splats} of splats; --picks beads takes them along"
+            "beads would take {of_beads} beside {of_rest} of all else; --picks beads takes them along"
         ))?;
         Ok(Vec::new())
     }
@@ -82,4 +97,47 @@ impl Picks {
             note(&format!("picks tell positions alone: {why}"));
         }
     }
+}
+
+/// Why beads were not read again.
+enum Unread {
+    Interrupted(Error),
+    For(String),
+}
+
+/// The beads of a store that does not tell them apart, from its toolpaths, where these are what they were and give the same beads.
+fn read_again(store: &Store, beads: &BeadsMeta, bars: &dyn Progress) -> Result<PickBeads, Unread> {
+    let failed = |error: Error| match error.kind() {
+        ErrorKind::Interrupted => Unread::Interrupted(error),
+        _ => Unread::For(error_with_options(error)),
+    };
+    let mut inputs = Vec::new();
+    for source in &store.meta().sources {
+        let (path, name) = (Path::new(&source.path), in_line(Path::new(&source.path)));
+        if !path.exists() {
+            return Err(Unread::For(format!("{name}: the toolpath is not there any more")));
+        }
+        let input = Input::open_with(path, &OpenOptions::default(), bars).map_err(failed)?;
+        if input.identity().map_err(failed)? != source.blake3 {
+            return Err(Unread::For(format!("{name}: the toolpath has been changed")));
+        }
+        inputs.push(input);
+    }
+    let sources = bead_sources(&inputs).map_err(failed)?;
+    let unlike = || {
+        let name = in_line(Path::new(&store.meta().sources[0].path));
+        Unread::For(format!("{name}: the toolpath was read with other options when the store was built"))
+    };
+    let outline = Outline::from_name(&beads.section).ok_or_else(unlike)?;
+    let (tables, segments) =
+        listed_beads(&sources, (outline, beads.count()), store.root()).map_err(failed)?;
+    let passes = tables.passes.last().map(|passes| u64::from(*passes));
+    let bounds = bounds_of_sources(&sources, outline).map_err(failed)?;
+    let is_like = tables.beads.len() as u64 == beads.beads
+        && passes == beads.passes
+        && bounds == (store.meta().bounds_min, store.meta().bounds_max);
+    if !is_like {
+        return Err(unlike());
+    }
+    PickBeads::of(store, tables, segments, bars).map_err(failed)
 }

@@ -14,5 +14,5 @@ mod wide;
 
 pub use block::{block, SEGMENTS_MAX};
 pub use header::{PickBlock, PickHeader, PICK_BLOCK_BYTES, PICK_HEADER_BYTES, PICK_MAGIC, PICK_VERSION};
-pub use segment::{PickBead, PickOutline, PickSegment, Steps, AXIS_ONE};
+pub use segment::{Beside, PickBead, PickOutline, PickSegment, Steps, AXIS_ONE};
 pub use table::{pick_table_bytes, CodedPickBlock, PickTable, PickedBead};

@@ -1,7 +1,7 @@
 //! Which bead passes nearest to a place, and which blocks must be read to know that.
 
 use super::header::PickBlock;
-use super::segment::PickSegment;
+use super::segment::{Beside, PickSegment};
 use super::table::{PickTable, PickedBead};
 
 impl PickTable {
@@ -9,7 +9,7 @@ impl PickTable {
     /// first. Place and reach are those of the world.
     pub fn wanted(&self, place: [f64; 3], reach: f64) -> Option<usize> {
         let at = self.from_origin(place);
-        let known = self.best(at, reach).map_or(reach, |(distance, _, _)| distance.max(0.0));
+        let known = self.best(at, reach).map_or(reach, |(best, _)| best.distance.max(0.0));
         let away = self.blocks().iter().map(|block| self.away(block, at));
         let missing = away.enumerate().filter(|(n, away)| *away <= known && !self.loaded().contains_key(n));
         let mut first: Option<(usize, f64)> = None;
@@ -22,12 +22,13 @@ impl PickTable {
     }
 
     /// The bead whose solid's surface passes nearest to a place, within `reach` of it, of the blocks that are in memory. Where
-    /// beads hold the place, it is the one that it lies deepest in: that one bounds the union. Of equals the first one counts.
+    /// beads hold the place, it is the one that it lies deepest in: that one bounds the union. Of equals the first bead counts, and of
+    /// its segments the one whose centre line is nearest.
     pub fn nearest(&self, place: [f64; 3], reach: f64) -> Option<PickedBead> {
-        let (distance, part, segment) = self.best(self.from_origin(place), reach)?;
-        let (low, high) = segment.heights(part, self.header().steps);
+        let (best, segment) = self.best(self.from_origin(place), reach)?;
+        let (low, high) = segment.heights(best.part, self.header().steps);
         let base = self.header().origin[2];
-        Some(PickedBead { segment: *segment, distance, heights: (base + low, base + high) })
+        Some(PickedBead { segment: *segment, distance: best.distance, heights: (base + low, base + high) })
     }
 
     fn from_origin(&self, place: [f64; 3]) -> [f64; 3] {
@@ -35,25 +36,25 @@ impl PickTable {
         [0, 1, 2].map(|a| place[a] - origin[a])
     }
 
-    /// Distance, part of the way, segment.
-    fn best(&self, at: [f64; 3], reach: f64) -> Option<(f64, f64, &PickSegment)> {
+    fn best(&self, at: [f64; 3], reach: f64) -> Option<(Beside, &PickSegment)> {
         let (outline, steps) = (self.header().outline, self.header().steps);
-        let mut best: Option<(f64, f64, &PickSegment)> = None;
+        let rank = |(beside, segment): &(Beside, &PickSegment)| {
+            (beside.distance, segment.bead.number, beside.across)
+        };
+        let mut best: Option<(Beside, &PickSegment)> = None;
         for (n, segments) in self.loaded() {
-            let most = best.map_or(reach, |(distance, _, _)| distance.max(0.0));
+            let most = best.map_or(reach, |(best, _)| best.distance.max(0.0));
             if self.away(&self.blocks()[*n], at) > most {
                 continue;
             }
             for segment in segments {
-                let (distance, part) = segment.distance(at, outline, steps);
-                let is_nearer = match best {
-                    Some((least, _, of)) => {
-                        distance < least || (distance == least && segment.bead.number < of.bead.number)
-                    }
-                    None => distance <= reach,
+                let next = (segment.beside(at, outline, steps), segment);
+                let is_nearer = match &best {
+                    Some(best) => rank(&next) < rank(best),
+                    None => next.0.distance <= reach,
                 };
                 if is_nearer {
-                    best = Some((distance, part, segment));
+                    best = Some(next);
                 }
             }
         }

@@ -23,6 +23,17 @@ pub struct Steps {
     pub up: f64,
 }
 
+/// Where a place lies beside a segment's solid, in world lengths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beside {
+    /// Its distance from the surface, negative inside.
+    pub distance: f64,
+    /// How far along the segment the nearest place of the centre line is, 0 to 1.
+    pub part: f64,
+    /// Its distance from the centre line, as seen from the tool.
+    pub across: f64,
+}
+
 /// A bead, or a pass of one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PickBead {
@@ -90,11 +101,9 @@ impl PickSegment {
         (low, high)
     }
 
-    /// The signed distance of a place from the solid's surface, negative inside, in world lengths; and how far the nearest place
-    /// of the centre line is along the segment, 0 to 1. `at` is in world lengths from the place of no steps.
-    ///
-    /// Exact of stadiums, and near the surface of ellipses to the first order.
-    pub fn distance(&self, at: [f64; 3], outline: PickOutline, steps: Steps) -> (f64, f64) {
+    /// Where a place lies beside the solid. `at` is in world lengths from the place of no steps. The distance is exact of stadiums,
+    /// and near the surface of ellipses to the first order.
+    pub fn beside(&self, at: [f64; 3], outline: PickOutline, steps: Steps) -> Beside {
         let scale = [steps.across, steps.across, steps.up];
         let (mut end, mut from) = ([0.0; 3], [0.0; 3]);
         for a in 0..3 {
@@ -111,7 +120,7 @@ impl PickSegment {
             PickOutline::Stadium => stadium(d, dot(up, from).abs(), half_width, half_height),
             PickOutline::Ellipse => ellipse(d, dot(up, from), half_width, half_height),
         };
-        (distance, if length > 0.0 { nearest / length } else { 0.0 })
+        Beside { distance, part: if length > 0.0 { nearest / length } else { 0.0 }, across: d }
     }
 
     /// Heights of the bead's lower and upper side at a part of its way, in world lengths from the place of no steps.
@@ -147,6 +156,10 @@ fn ellipse(d: f64, up: f64, half_width: f64, half_height: f64) -> f64 {
 fn frame(end: [f64; 3], axis: [f64; 3]) -> ([[f64; 3]; 3], f64) {
     let length = dot(end, end).sqrt();
     let forth = if length > 0.0 { end.map(|c| c / length) } else { across(axis) };
+    // Upper sides of one layer are to lie equally high.
+    if axis[0] == 0.0 && axis[1] == 0.0 && forth[2] == 0.0 {
+        return ([forth, [-forth[1], forth[0], 0.0], [0.0, 0.0, 1.0]], length);
+    }
     let mut side = cross(axis, forth);
     if dot(side, side) < PARALLEL {
         side = cross(across(forth), forth);

@@ -128,7 +128,7 @@ fn distances_are_those_of_closed_forms() {
     let steps = Steps { across: 0.01, up: 0.0025 };
     // Half widths of 0.3, half heights of 0.1: flat for 0.2 beside the centre line.
     let bead = upright([0, 0, 0], [500, 0, 0], 60, 80);
-    let of = |at, outline| bead.distance(at, outline, steps);
+    let of = |at, outline| bead.beside(at, outline, steps);
     for (at, expected) in [
         ([2.0, 0.0, 0.1], 0.0),
         ([2.0, 0.0, 0.35], 0.25),
@@ -140,21 +140,23 @@ fn distances_are_those_of_closed_forms() {
         ([-0.2, 0.0, 0.1], 0.0),
         ([2.0, 0.5, 0.4], 0.4),
     ] {
-        assert!((of(at, PickOutline::Stadium).0 - expected).abs() < 1e-12, "{at:?}");
+        assert!((of(at, PickOutline::Stadium).distance - expected).abs() < 1e-12, "{at:?}");
     }
-    assert!((of([2.0, 0.3, 0.0], PickOutline::Stadium).1 - 0.4).abs() < 1e-12);
+    assert!((of([2.0, 0.3, 0.0], PickOutline::Stadium).part - 0.4).abs() < 1e-12);
     for at in [[2.0, 0.3, 0.0], [1.0, 0.0, 0.1], [5.3, 0.0, 0.0], [2.0, 0.18, 0.08]] {
-        assert!(of(at, PickOutline::Ellipse).0.abs() < 1e-12, "{at:?}");
+        assert!(of(at, PickOutline::Ellipse).distance.abs() < 1e-12, "{at:?}");
     }
-    assert!(of([2.0, 0.0, 0.11], PickOutline::Ellipse).0 > 0.0099);
+    assert!(of([2.0, 0.0, 0.11], PickOutline::Ellipse).distance > 0.0099);
     // One that stands upright, as a wall: half a width of 0.1, half a height of 0.3.
     let wall = upright([0, 0, 0], [500, 0, 0], 20, 240);
-    assert!(wall.distance([1.0, 0.1, 0.15], PickOutline::Stadium, steps).0.abs() < 1e-12);
-    assert!(wall.distance([1.0, 0.0, 0.3], PickOutline::Stadium, steps).0.abs() < 1e-12);
+    assert!(wall.beside([1.0, 0.1, 0.15], PickOutline::Stadium, steps).distance.abs() < 1e-12);
+    assert!(wall.beside([1.0, 0.0, 0.3], PickOutline::Stadium, steps).distance.abs() < 1e-12);
     assert_eq!(bead.heights(0.5, steps), (-0.1, 0.1));
-    // One that climbs straight up has its width around it.
+    // One that climbs straight up is as wide one way and as high the other, as seen from above.
     let upward = upright([0, 0, 0], [0, 0, 2000], 60, 80);
-    assert!(upward.distance([0.1, 0.0, 2.0], PickOutline::Stadium, steps).0.abs() < 0.21);
+    let of = |x: f64, y: f64| upward.beside([x, y, 2.0], PickOutline::Stadium, steps).distance.abs();
+    let (x, y) = ((of(0.1, 0.0), of(0.0, 0.3)), (of(0.3, 0.0), of(0.0, 0.1)));
+    assert!(x.0.max(x.1) < 1e-12 || y.0.max(y.1) < 1e-12, "{x:?} {y:?}");
 }
 
 #[test]
@@ -186,4 +188,54 @@ fn lines_of_infill_take_few_bytes() {
     }
     let bytes = table(&list, true, PickOutline::Stadium, SEGMENTS_MAX);
     assert!(bytes.len() < 4500, "{} bytes", bytes.len());
+}
+
+/// What version 1 is.
+const GOLDEN: &[u8] = include_bytes!("../../golden/v1/beads.picks");
+
+fn golden() -> Vec<u8> {
+    let mut list = Vec::new();
+    for n in 0..300i32 {
+        let place = |n: i32| [5000 + 97 * (n % 23) - n * n % 31, 4000 + 61 * (n % 19), 40 + 80 * (n / 100)];
+        let bead = PickBead {
+            number: (n / 20) as u32,
+            layer: (n / 100) as u32,
+            feature: (n / 50 % 3) as u32,
+            ..PickBead::default()
+        };
+        let a = if n % 20 == 0 { [place(n)[0] + 400, place(n)[1], place(n)[2]] } else { place(n) };
+        let mut segment = PickSegment {
+            bead,
+            line: 7 + n as u64 + (n / 20 * 3) as u64,
+            ..upright(a, place(n + 1), 58 + (n % 3) as u32, 80)
+        };
+        if n > 250 {
+            (segment.axis, segment.bead.source) = ([100 * (n % 5) as i16, 0, 16_000], 1);
+        }
+        list.push(segment);
+    }
+    table(&list, true, PickOutline::Stadium, 128)
+}
+
+#[test]
+fn the_golden_file_is_read_and_written() {
+    let mut read = PickTable::open(GOLDEN).unwrap();
+    assert_eq!((read.header().segments, read.blocks().len()), (300, 3));
+    (0..3).for_each(|n| load(&mut read, GOLDEN, n).unwrap());
+    let last = read.loaded()[&2][43];
+    assert_eq!((last.line, last.bead.number, last.bead.source, last.width), (348, 14, 1, 60));
+    assert!(golden() == GOLDEN, "a change of the format is a new version");
+}
+
+#[test]
+#[ignore = "writes the golden file and the seeds of the fuzzer"]
+fn makes_golden_files() {
+    let top = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let seeds = top.join("../../fuzz/seeds/picks");
+    std::fs::create_dir_all(top.join("golden/v1")).unwrap();
+    std::fs::create_dir_all(&seeds).unwrap();
+    std::fs::write(top.join("golden/v1/beads.picks"), golden()).unwrap();
+    std::fs::write(seeds.join("beads.picks"), golden()).unwrap();
+    let two = [upright([0, 0, 0], [500, 0, 0], 60, 80), upright([500, 0, 0], [500, 300, 90], 60, 80)];
+    std::fs::write(seeds.join("ellipse.picks"), table(&two, false, PickOutline::Ellipse, 1)).unwrap();
 }

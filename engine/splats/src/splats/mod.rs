@@ -40,7 +40,7 @@ pub use disc::{Disc, discs_of_levels, discs_of_tree};
 pub use gaussian::GaussianSource;
 pub use glb::write_glb;
 pub use levels::{LevelsOptions, SplatLevels};
-pub use page::{PageBytes, write_page, write_page_folder};
+pub use page::{PageBytes, viewer_bytes, write_page, write_page_folder};
 pub use picks::PickBeads;
 pub use ply::write_ply;
 pub use read::{read_bsp, read_tree};

@@ -23,6 +23,12 @@ const INDEX: &str = "index.html";
 const PART: &str = "part.bsp";
 const PICKS: &str = "part.picks";
 
+/// Bytes of a page beside its data.
+#[must_use]
+pub fn viewer_bytes() -> usize {
+    [PAGE, WORKER, SHADERS, VIEWER].map(str::len).iter().sum::<usize>() + DECODER.len()
+}
+
 /// What a page shows.
 #[derive(Clone, Copy)]
 enum PageData<'a> {

@@ -32,10 +32,9 @@ pub struct PickBeads {
 }
 
 impl PickBeads {
-    /// The memory that [`PickBeads::new`] takes of a store; `None` if that does not tell beads apart.
+    /// The memory that a table takes while it is made, of a store of beads as solids; `None` of others.
     pub fn memory(store: &Store) -> Option<u64> {
-        let beads = store.meta().beads.as_ref().filter(|beads| beads.identity.is_some())?;
-        Some(beads.segments.saturating_mul(SEGMENT_MEMORY))
+        Some(store.meta().beads.as_ref()?.segments.saturating_mul(SEGMENT_MEMORY))
     }
 
     /// Those of a store; `None` if it does not tell beads apart. The bytes do not depend on the number of threads.
@@ -44,21 +43,37 @@ impl PickBeads {
     /// [`Error::Store`] if the store is damaged or has a section that this program does not know; [`Error::Interrupted`].
     pub fn new(store: &Store, progress: &dyn Progress) -> Result<Option<PickBeads>> {
         let Some(tables) = store.bead_tables()? else { return Ok(None) };
+        let segments = segments(store, &tables, progress)?;
+        PickBeads::of(store, tables, segments, progress).map(Some)
+    }
+
+    /// Beads and segments that belong to a store, wherever they were read from: the same bytes in whatever order they come.
+    ///
+    /// # Errors
+    /// As [`PickBeads::new`].
+    pub fn of(
+        store: &Store,
+        tables: BeadTables,
+        mut segments: Vec<BeadSegment>,
+        progress: &dyn Progress,
+    ) -> Result<PickBeads> {
         let header = header(store, &tables)?;
-        let segments = in_order(segments(store, &tables, progress)?);
+        segments.par_sort_unstable_by_key(|s| (s.pass, s.line, s.a, s.b, s.section));
+        segments.dedup();
+        let segments = in_order(segments);
         progress.check()?;
-        let quantised = |some: &[BeadSegment]| {
+        let coded = |some: &[BeadSegment]| {
             let made: Vec<PickSegment> = some.iter().map(|s| quantised(s, &tables, store, &header)).collect();
             header.code(&made)
         };
-        let blocks = segments.par_chunks(SEGMENTS_MAX).map(quantised).collect();
+        let blocks = segments.par_chunks(SEGMENTS_MAX).map(coded).collect();
         let name = |path: &String| {
             let name = Path::new(path).file_name().map(|name| name.to_string_lossy().into_owned());
             name.unwrap_or_default()
         };
         let sources = store.meta().sources.iter().map(|source| name(&source.path)).collect();
         let segments = segments.len() as u64;
-        Ok(Some(PickBeads { header, features: tables.features, sources, blocks, segments }))
+        Ok(PickBeads { header, features: tables.features, sources, blocks, segments })
     }
 
     /// How many segments of beads there are.
@@ -108,7 +123,7 @@ fn header(store: &Store, tables: &BeadTables) -> Result<PickHeader> {
     })
 }
 
-/// All segments, each once, pass by pass.
+/// All segments, in no order; some may come twice.
 fn segments(store: &Store, tables: &BeadTables, progress: &dyn Progress) -> Result<Vec<BeadSegment>> {
     let lists = store.identity_entries();
     progress.phase("coding beads", Some(lists.len() as u64), "lists");
@@ -125,8 +140,6 @@ fn segments(store: &Store, tables: &BeadTables, progress: &dyn Progress) -> Resu
         found.into_iter().for_each(|found| all.extend(found));
         progress.advance(some.len() as u64);
     }
-    all.par_sort_unstable_by_key(|s| (s.pass, s.line, s.a, s.b, s.section));
-    all.dedup();
     Ok(all)
 }
 
