@@ -5,14 +5,10 @@
 use brickfield_coding::bsp::{
     Cell, Clip, Entry, Header, NodeCells, Splat, SplatTree, ENTRY_BYTES, HEADER_BYTES, PAIRS,
 };
-use brickfield_coding::picks::{PickTable, PickedBead};
 use std::cell::RefCell;
 
-/// Blocks of a table of beads that stay in memory after a pick: 20 MiB.
-const PICKS_LOADED_MAX: usize = 64;
-
 thread_local! {
-    static STATE: RefCell<State> = RefCell::new(State::new());
+    static STATE: RefCell<State> = RefCell::new(State { input: Vec::new(), output: Vec::new(), tree: None, loaded: Vec::new() });
 }
 
 struct State {
@@ -21,22 +17,9 @@ struct State {
     tree: Option<SplatTree>,
     /// Whether each unit was taken in.
     loaded: Vec<bool>,
-    picks: Option<PickTable>,
-    found: Vec<u8>,
 }
 
 impl State {
-    fn new() -> State {
-        State {
-            input: Vec::new(),
-            output: Vec::new(),
-            tree: None,
-            loaded: Vec::new(),
-            picks: None,
-            found: Vec::new(),
-        }
-    }
-
     /// Has room for what the units known by now are.
     fn know(&mut self) {
         self.loaded.resize(self.tree.as_ref().map_or(0, |tree| tree.entries().len()), false);
@@ -179,98 +162,4 @@ fn put(output: &mut Vec<u32>, key: u64, level: u32, piece: &NodeCells<Splat>, ce
 fn packed(splat: &Splat) -> u32 {
     let [x, y, z] = splat.normal.map(|c| u32::from(c as u8));
     x | y << 8 | z << 16 | u32::from(splat.offset as u8) << 24
-}
-
-/// Reads header, names and directory of a table of beads from the input: 1 if they are sound and belong to the file of splats
-/// with this checksum of its header, 2 if they belong to another.
-#[no_mangle]
-pub extern "C" fn picks_open(part: u32) -> u32 {
-    STATE.with(|state| {
-        let state = &mut *state.borrow_mut();
-        state.picks = PickTable::open(&state.input).ok();
-        match &state.picks {
-            Some(picks) if picks.header().part == part => 1,
-            Some(_) => 2,
-            None => 0,
-        }
-    })
-}
-
-/// Where a block of the table begins, or behind the last one the table ends.
-#[no_mangle]
-pub extern "C" fn picks_start(block: usize) -> f64 {
-    STATE.with(|state| {
-        let state = state.borrow();
-        state.picks.as_ref().filter(|picks| block <= picks.blocks().len()).map_or(-1.0, |picks| picks.start(block) as f64)
-    })
-}
-
-/// The next block that must be read to know the bead at a place of the world; -1 if all are there.
-#[no_mangle]
-pub extern "C" fn picks_wanted(x: f64, y: f64, z: f64, reach: f64) -> i32 {
-    STATE.with(|state| {
-        let state = state.borrow();
-        let wanted = state.picks.as_ref().and_then(|picks| picks.wanted([x, y, z], reach));
-        wanted.map_or(-1, |block| block as i32)
-    })
-}
-
-/// Reads a block from the input: 1 if it is sound.
-#[no_mangle]
-pub extern "C" fn picks_block(number: usize) -> u32 {
-    STATE.with(|state| {
-        let state = &mut *state.borrow_mut();
-        let picks = state.picks.as_mut();
-        u32::from(picks.map_or(false, |picks| picks.take(number, &state.input).is_ok()))
-    })
-}
-
-/// Puts what is known of the bead at a place of the world where [`picks_found`] says: so many bytes, 0 if there is none.
-///
-/// These are ten f64: bead and layer from 0, first and last line, lower and upper height, distance, step of heights, bytes of the
-/// feature's name and of the file's, 0 of the only one; then both names.
-#[no_mangle]
-pub extern "C" fn picks_nearest(x: f64, y: f64, z: f64, reach: f64) -> usize {
-    STATE.with(|state| {
-        let State { picks, found, .. } = &mut *state.borrow_mut();
-        found.clear();
-        if let Some(picks) = picks {
-            if let Some(bead) = picks.nearest([x, y, z], reach) {
-                tell(found, picks, &bead);
-            }
-            if picks.loaded().len() > PICKS_LOADED_MAX {
-                picks.forget();
-            }
-        }
-        found.len()
-    })
-}
-
-/// Where what was found is.
-#[no_mangle]
-pub extern "C" fn picks_found() -> usize {
-    STATE.with(|state| state.borrow().found.as_ptr() as usize)
-}
-
-fn tell(found: &mut Vec<u8>, picks: &PickTable, picked: &PickedBead) {
-    let PickedBead { segment, distance, heights } = picked;
-    let bead = segment.bead;
-    let feature = &picks.features()[bead.feature as usize];
-    let source = if picks.sources().len() > 1 { &picks.sources()[bead.source as usize] } else { "" };
-    let lines = if picks.header().by_segment { (segment.line, segment.line) } else { bead.lines };
-    let numbers = [
-        f64::from(bead.number),
-        f64::from(bead.layer),
-        lines.0 as f64,
-        lines.1 as f64,
-        heights.0,
-        heights.1,
-        *distance,
-        picks.header().steps.up,
-        feature.len() as f64,
-        source.len() as f64,
-    ];
-    numbers.iter().for_each(|number| found.extend_from_slice(&number.to_le_bytes()));
-    found.extend_from_slice(feature.as_bytes());
-    found.extend_from_slice(source.as_bytes());
 }

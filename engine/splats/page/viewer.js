@@ -253,14 +253,15 @@ function pick(x, y) {
   give_beads();
   worker.postMessage({ pick: { from, along: unitOf(on_plane.map((c, a) => c - from[a])), highest: cut_at(), open: state.axis >= 0, origin: part.origin, edge: part.edge, middle: part.middle } });
 }
-// The table of beads goes to the worker with the first pick: it stands at the page's end, or beside the page.
+// The table of beads goes to the worker with the first pick, and what reads it: they stand at the page's end, or the table beside it.
 let beads_given = false;
 function give_beads() {
   if (beads_given || document.readyState === "loading") return;
   beads_given = true;
   const { dataset: { beside }, textContent } = by("picks");
-  if (beside) worker.postMessage({ picks: { address: new URL(beside, location.href).href } });
-  else if (textContent.trim()) worker.postMessage({ picks: { bytes: decoded("picks") } });
+  if (!beside && !textContent.trim()) return;
+  const table = beside ? { address: new URL(beside, location.href).href } : { bytes: decoded("picks") };
+  worker.postMessage({ picks: { program: decoded("finder"), ...table } });
 }
 // The bead of the last pick, which comes after its place.
 function bead_of({ bead, fault }) {

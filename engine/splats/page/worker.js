@@ -77,14 +77,15 @@ let e, compiled, source, base, part_crc = 0, ready = false, running = false, sto
 // Units that are known and decoded, the deepest level that is whole, the one that is wanted; what was drawn last.
 let directory = [], next = 0, whole = 0, wanted = 0, count = 0, units = 0, ends = [0];
 
-const put = (...parts) => {
+const put = (...parts) => put_into(e, ...parts);
+function put_into(program, ...parts) {
   const length = parts.reduce((sum, part) => sum + part.length, 0);
-  let at = e.input(length);
+  let at = program.input(length);
   for (const part of parts) {
-    new Uint8Array(e.memory.buffer, at, part.length).set(part);
+    new Uint8Array(program.memory.buffer, at, part.length).set(part);
     at += part.length;
   }
-};
+}
 // What is there of a range.
 async function bytesOf(from, to, file = source) {
   const pieces = [];
@@ -244,8 +245,8 @@ function pick({ from, along, highest, open, origin, edge, middle }) {
   if (best) tell(best, edge, middle);
 }
 
-// The table of beads: the file, whether its directory was read, and what is wrong with it.
-let picks = null, picks_ready = false, picks_fault = null, picks_turn = Promise.resolve(), last_pick = 0;
+// The table of beads: the file, what reads it, whether its directory was read, and what is wrong with it.
+let picks = null, p = null, picks_ready = false, picks_fault = null, picks_program = null, picks_turn = Promise.resolve(), last_pick = 0;
 const PICKS_HEAD = 112, PICKS_BLOCK = 36;
 function tell(best, edge, middle) {
   const pick = last_pick, say = (told) => { if (pick === last_pick) postMessage(told) };
@@ -256,10 +257,9 @@ function tell(best, edge, middle) {
     if (pick !== last_pick || !picks) return;
     try {
       if (!picks_ready) await open_picks();
-      for (let block; (block = e.picks_wanted(...at, reach)) >= 0;) {
-        const bytes = await bytesOf(e.picks_start(block), e.picks_start(block + 1), picks);
-        put(bytes);
-        if (!e.picks_block(block)) throw Error("it is damaged");
+      for (let block; (block = p.wanted(...at, reach)) >= 0;) {
+        put_into(p, await bytesOf(p.start(block), p.start(block + 1), picks));
+        if (!p.block(block)) throw Error("it is damaged");
       }
       say({ bead: bead_at(at, reach) });
     } catch (error) {
@@ -279,15 +279,17 @@ async function open_picks() {
   const view = new DataView(first.buffer, first.byteOffset, first.length);
   const end = PICKS_HEAD + view.getUint32(68, true) + PICKS_BLOCK * view.getUint32(72, true);
   if (view.getUint32(0) !== 0x8942504b || (picks.size && end > picks.size)) throw Error("it is no table of beads");
-  put(await bytesOf(0, end, picks));
-  const opened = e.picks_open(part_crc);
+  const bytes = await bytesOf(0, end, picks);
+  p ||= (await WebAssembly.instantiate(picks_program, {})).instance.exports;
+  put_into(p, bytes);
+  const opened = p.open(part_crc);
   if (opened !== 1) throw Error(opened ? "it belongs to another part" : "it is damaged");
   picks_ready = true;
 }
 function bead_at(at, reach) {
-  const length = e.picks_nearest(...at, reach);
+  const length = p.nearest(...at, reach);
   if (!length) return null;
-  const bytes = new Uint8Array(e.memory.buffer, e.picks_found(), length).slice(), view = new DataView(bytes.buffer);
+  const bytes = new Uint8Array(p.memory.buffer, p.found(), length).slice(), view = new DataView(bytes.buffer);
   const [bead, layer, first, last, bottom, top, distance, step, feature, source] = [...Array(10).keys()].map((n) => view.getFloat64(8 * n, true));
   const text = (from, to) => new TextDecoder().decode(bytes.subarray(from, to));
   return { bead, layer: layer + 1, lines: [first, last], bottom, top, distance, step, feature: text(80, 80 + feature), source: text(80 + feature, 80 + feature + source) };
@@ -303,7 +305,10 @@ onmessage = async ({ data }) => {
   if (data.drawn) shown = true;
   if (data.stop) { stopped = true; source.stop?.() }
   if (data.go) run();
-  if (data.picks) picks = data.picks.bytes ? new Here(data.picks.bytes) : new There(data.picks.address);
+  if (data.picks) {
+    picks_program = data.picks.program;
+    picks = data.picks.bytes ? new Here(data.picks.bytes) : new There(data.picks.address);
+  }
   if (data.pick && ready) pick(data.pick);
   if (data.level !== undefined && ready) {
     if (data.level <= whole) return give(data.level);

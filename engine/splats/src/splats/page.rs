@@ -16,6 +16,8 @@ const SHADERS: &str = include_str!("../../page/shaders.js");
 const VIEWER: &str = include_str!("../../page/viewer.js");
 /// The decoder, compiled by `coding/page/build.sh`.
 const DECODER: &[u8] = include_bytes!("../../page/decoder.wasm");
+/// What finds the beads of picks, likewise.
+const FINDER: &[u8] = include_bytes!("../../page/picks.wasm");
 /// Bytes that are written at once; a multiple of 3.
 const CHUNK: usize = 3 << 14;
 /// The page of a folder, and its files of splats and of beads, whose names the page knows.
@@ -23,10 +25,10 @@ const INDEX: &str = "index.html";
 const PART: &str = "part.bsp";
 const PICKS: &str = "part.picks";
 
-/// Bytes of a page beside its data.
+/// Bytes of a page with picks of beads beside its data.
 #[must_use]
 pub fn viewer_bytes() -> usize {
-    [PAGE, WORKER, SHADERS, VIEWER].map(str::len).iter().sum::<usize>() + DECODER.len()
+    [PAGE, WORKER, SHADERS, VIEWER].map(str::len).iter().sum::<usize>() + DECODER.len() + FINDER.len()
 }
 
 /// What a page shows.
@@ -100,6 +102,7 @@ fn write_viewer(data: PageData<'_>, path: &Path) -> Result<u64> {
             (&[][..], &[][..], "; connect-src 'self'", if has_beads { PICKS } else { "" })
         }
     };
+    let has_beads = !beside.is_empty() || !beads.is_empty();
     let fill = |file: &mut PartFile, place: &str| match place {
         "CONNECT" => file.append(connect.as_bytes()),
         "BESIDE" => file.append(beside.as_bytes()),
@@ -107,11 +110,13 @@ fn write_viewer(data: PageData<'_>, path: &Path) -> Result<u64> {
         "SHADERS" => file.append(SHADERS.as_bytes()),
         "VIEWER" => file.append(VIEWER.as_bytes()),
         "DECODER" => append_letters(file, DECODER),
+        "FINDER" if has_beads => append_letters(file, FINDER),
+        "FINDER" => Ok(()),
         "PICKS" => append_letters(file, beads),
         _ => append_letters(file, splats),
     };
     let mut rest = PAGE;
-    for place in ["CONNECT", "DECODER", "DATA", "WORKER", "SHADERS", "VIEWER", "BESIDE", "PICKS"] {
+    for place in ["CONNECT", "DECODER", "DATA", "WORKER", "SHADERS", "VIEWER", "FINDER", "BESIDE", "PICKS"] {
         let (before, after) = rest.split_once(&format!("@{place}@")).expect("the page has a place for it");
         file.append(before.as_bytes())?;
         fill(&mut file, place)?;
@@ -162,10 +167,15 @@ mod tests {
             return;
         }
         let folder = tempfile::tempdir().unwrap();
-        let made = folder.path().join("decoder.wasm");
-        let script = here.join("../coding/page/build.sh");
-        let done = std::process::Command::new(script).arg(&made).output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        assert!(std::fs::read(&made).unwrap() == DECODER, "compile it anew: engine/coding/page/build.sh");
+        for (name, kept) in [("decoder", DECODER), ("picks", FINDER)] {
+            let made = folder.path().join("made.wasm");
+            let script = here.join("../coding/page/build.sh");
+            let done = std::process::Command::new(script).arg(name).arg(&made).output().unwrap();
+            assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+            assert!(
+                std::fs::read(&made).unwrap() == kept,
+                "compile it anew: engine/coding/page/build.sh {name}"
+            );
+        }
     }
 }
