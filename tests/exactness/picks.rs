@@ -8,7 +8,7 @@ use brickfield_engine::brick::Count;
 use brickfield_engine::build::{BuildOptions, Resolution, bead_sources, build_beads, listed_beads};
 use brickfield_engine::contour::Coordinates;
 use brickfield_engine::ingest::{Input, OpenOptions};
-use brickfield_engine::lattice::RootCube;
+use brickfield_engine::lattice::{RootCube, Units};
 use brickfield_engine::picks::{PickTable, PickedBead};
 use brickfield_engine::solid::{Body, Outline, Segment, Solids};
 use brickfield_engine::splats::{LevelsOptions, PickBeads, SplatLevels, bsp_bytes};
@@ -16,6 +16,8 @@ use brickfield_engine::store::{BrickTree, Store};
 use std::path::{Path, PathBuf};
 
 type V = [f64; 3];
+/// A segment, its solid, and the box around that.
+type PlacedSegment = (Segment, Body, (Units, Units));
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../bench-data").join(name)
@@ -70,7 +72,7 @@ fn picked(table: &mut PickTable, bytes: &[u8], place: V, reach: f64) -> Option<P
 /// All segments of a toolpath with their solids.
 struct Truth {
     root: RootCube,
-    segments: Vec<(Segment, Body, ([i32; 3], [i32; 3]))>,
+    segments: Vec<PlacedSegment>,
     /// By segment: its bead, and its line.
     names: Vec<(u32, u64)>,
     layers: Vec<u32>,
@@ -102,7 +104,7 @@ impl Truth {
         let (from, to) = body.line(axis, at)?;
         at[axis] = if rng.range(0.0, 1.0) < 0.5 { from } else { to };
         let at: V = std::array::from_fn(|a| at[a] + f64::from(segment.a[a]));
-        let holds = |(segment, body, (low, high)): &(Segment, Body, ([i32; 3], [i32; 3]))| {
+        let holds = |(segment, body, (low, high)): &PlacedSegment| {
             let is_near = (0..3).all(|a| (f64::from(low[a])..=f64::from(high[a])).contains(&at[a]));
             is_near && body.value(std::array::from_fn(|a| at[a] - f64::from(segment.a[a]))) <= 0.0
         };

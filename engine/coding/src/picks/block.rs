@@ -122,9 +122,9 @@ fn ends<C: Coder>(
 ) -> ([i32; 3], [i32; 3]) {
     let mut a = last.b;
     if !coder.bit(&mut model.follows[usize::from(begins)], value.a == last.b) {
-        for axis in 0..3 {
+        for (axis, a) in a.iter_mut().enumerate() {
             let (from, to) = (last.b[axis].into(), value.a[axis].into());
-            a[axis] = sum(coder, &mut model.travels[axis], from, to, STEPS_MAX) as i32;
+            *a = sum(coder, &mut model.travels[axis], from, to, STEPS_MAX) as i32;
         }
     }
     let mut b = a;

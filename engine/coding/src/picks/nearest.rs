@@ -8,7 +8,7 @@ impl PickTable {
     /// The next block that must be read before it is known which bead is nearest to a place, within `reach` of it; the nearest
     /// first. Place and reach are those of the world.
     pub fn wanted(&self, place: [f64; 3], reach: f64) -> Option<usize> {
-        let at = self.from_origin(place);
+        let at = self.around_origin(place);
         let known = self.best(at, reach).map_or(reach, |(best, _)| best.distance.max(0.0));
         let away = self.blocks().iter().map(|block| self.away(block, at));
         let missing = away.enumerate().filter(|(n, away)| *away <= known && !self.loaded().contains_key(n));
@@ -25,13 +25,13 @@ impl PickTable {
     /// beads hold the place, it is the one that it lies deepest in: that one bounds the union. Of equals the first bead counts, and of
     /// its segments the one whose centre line is nearest.
     pub fn nearest(&self, place: [f64; 3], reach: f64) -> Option<PickedBead> {
-        let (best, segment) = self.best(self.from_origin(place), reach)?;
+        let (best, segment) = self.best(self.around_origin(place), reach)?;
         let (low, high) = segment.heights(best.part, self.header().steps);
         let base = self.header().origin[2];
         Some(PickedBead { segment: *segment, distance: best.distance, heights: (base + low, base + high) })
     }
 
-    fn from_origin(&self, place: [f64; 3]) -> [f64; 3] {
+    fn around_origin(&self, place: [f64; 3]) -> [f64; 3] {
         let origin = self.header().origin;
         [0, 1, 2].map(|a| place[a] - origin[a])
     }
