@@ -22,8 +22,8 @@ at edges. With --error, cells are not divided where their splats are near enough
 With --number, a .ply or .glb has so many ellipses that are larger than cells, with the least distance found. Nothing cuts them, \
 so at sharp edges they reach beyond the part: they are for smooth ones.
 
-A click on a page tells a position. If the store was built with --identity, it also tells the bead, its layer, feature and line \
-of the program; see --picks.
+A click on a page tells a position, and of toolpaths the bead, its layer, feature and line of the program. Beads come from a \
+store built with --identity, else from the toolpath, if that is where it was, unchanged; see --picks.
 
 Examples:
   brickfield splats part.brf -o part.bsp
@@ -75,11 +75,10 @@ pub struct SplatsArgs {
 /// What picks in pages tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum PicksArg {
-    /// Bead, layer, line and feature, where the store tells beads apart and a page that is one file has no more than half as many
-    /// bytes of these as of splats; else positions alone
+    /// Bead, layer, line and feature, where they can be had; in a page that is one file up to 1 MiB of them, or half of all else
     #[default]
     Auto,
-    /// Bead, layer, line and feature, of a store built with --identity
+    /// Bead, layer, line and feature, however many bytes they take; fails if they cannot be had
     Beads,
     /// Positions alone
     Positions,

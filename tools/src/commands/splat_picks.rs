@@ -14,8 +14,9 @@ use brickfield_engine::store::{BeadsMeta, BrickTree, Store};
 use brickfield_engine::{Error, ErrorKind, Progress};
 use std::path::Path;
 
-/// Beads may take one in so many of the bytes of all else in a page.
+/// Beads may take one in so many of the bytes of all else in a page, or so many bytes.
 const SHARE: usize = 2;
+const BYTES_FREE: usize = 1 << 20;
 
 /// What picks tell, and whether somebody asked for that.
 pub(super) struct Picks {
@@ -72,7 +73,7 @@ impl Picks {
         let Some(beads) = &self.beads else { return Ok(Vec::new()) };
         let table = beads.bytes(splats);
         let rest = splats.len() + viewer_bytes();
-        if self.is_asked || table.len() <= rest / SHARE {
+        if self.is_asked || table.len() <= BYTES_FREE.max(rest / SHARE) {
             return Ok(table);
         }
         let [of_beads, of_rest] = [table.len(), rest].map(|bytes| Size(bytes as u64));
