@@ -143,8 +143,8 @@ fn segments(store: &Store, tables: &BeadTables, progress: &dyn Progress) -> Resu
     Ok(all)
 }
 
-/// Whether a segment that begins there is taken from this list: from that of the leaf where it begins, or from all where there is
-/// none, as in a store that was cut down to a box.
+/// Whether a segment that begins there is taken from this list: from that of the leaf where it begins, so that it is sorted once, or
+/// from all if that leaf has none.
 fn is_of(leaf: NodeKey, begin: Units, lists: &[IdentityEntry], deepest: u8) -> bool {
     let Some(at) = NodeKey::deepest_at(begin) else { return true };
     let is_listed = |key: NodeKey| lists.binary_search_by_key(&key, |list| list.key).is_ok();
