@@ -7,8 +7,8 @@ headless Chromium.
 
 For each view a browser without a cache asks for the page. The page tells when a picture of each level could be read, counted
 from its request, and when its splats were decoded. When all is there, each level is drawn again and compared with the last: the ratio of signal to noise of the
-luminance (PSNR). `--faults` stops and goes on, cuts the line, damages bytes, exchanges the file, and serves without ranges; it
-fails unless the page does what it should. Needs Pillow and NumPy (pip) and chromium (Debian)."""
+luminance (PSNR). `--faults` stops and goes on, cuts the line, damages bytes, exchanges the file, and serves without ranges, the
+table of beads as well; it fails unless the page does what it should. Needs Pillow and NumPy (pip) and chromium (Debian)."""
 
 import argparse
 import base64
@@ -20,6 +20,7 @@ import sys
 import tempfile
 import threading
 import time
+import zlib
 
 import serve
 from browser import Browser
@@ -187,6 +188,54 @@ def faults(args):
             browser.value(click)
             state = browser.settled()
             require("a file that was exchanged", "has changed on the server" in (state["error"] or ""), state)
+    if os.path.exists(os.path.join(args.folder, "part.picks")):
+        beads(args)
+
+
+def pick(browser, expected):
+    """Asks for the middle of the picture until the page says so."""
+    browser.value("brickfield.fit(); brickfield.pick(100, 75)")
+    browser.settled(f"state.picked && 'bead' in state.picked && {expected}")
+    return browser.value("JSON.stringify(brickfield.state.picked)")
+
+
+def beads(args):
+    """The table of beads beside the splats: asked for by the first pick alone, and no harm if it is not what it should be."""
+    for ranges in [True, False]:
+        with Visit(args, args.folder, ranges=ranges) as (browser, server):
+            browser.settled()
+            before = serve.Handler.requests
+            found = json.loads(pick(browser, "state.picked.bead"))
+            asked = serve.Handler.requests - before
+            pick(browser, "state.picked.bead")
+            require(f"a bead, with{'' if ranges else 'out'} ranges", found["bead"]["layer"] > 0 and 1 <= asked <= 4, [found, asked])
+            require("its table is read once", serve.Handler.requests - before == asked, serve.Handler.requests)
+            require("the console is empty", browser.said()[0] == [], browser.said())
+    damaged = lambda bytes_: bytes_[:-5] + bytes([bytes_[-5] ^ 4]) + bytes_[-4:]
+    other = lambda bytes_: sealed(bytes_[:88] + bytes([bytes_[88] ^ 4]) + bytes_[89:])
+    for what, change, said in [
+        ("a damaged block of beads", damaged, "it is damaged"),
+        ("a damaged table of beads", lambda bytes_: bytes_[:20] + b"x" + bytes_[21:], "it is damaged"),
+        ("the beads of another part", other, "it belongs to another part"),
+        ("a table that is cut short", lambda bytes_: bytes_[:200], "it is no table of beads"),
+        ("another file", lambda bytes_: b"<html>" * 100, "it is no table of beads"),
+    ]:
+        with tempfile.TemporaryDirectory() as copy:
+            for name in ["index.html", "part.bsp"]:
+                shutil.copy(os.path.join(args.folder, name), copy)
+            with open(os.path.join(args.folder, "part.picks"), "rb") as file, open(os.path.join(copy, "part.picks"), "wb") as out:
+                out.write(change(file.read()))
+            with Visit(args, copy) as (browser, _):
+                browser.settled()
+                pick(browser, "!state.picked.bead")
+                state = browser.settled()
+                require(what, "no bead" in text(browser) and said in text(browser) and not state["error"], text(browser))
+                require("the place is told, and the console is empty", "x " in text(browser) and browser.said()[0] == [], browser.said())
+
+
+def sealed(table):
+    """A table whose header has a checksum that fits."""
+    return table[:108] + zlib.crc32(table[:108]).to_bytes(4, "little") + table[112:]
 
 
 def main():

@@ -26,6 +26,8 @@ mod open_bricks;
 mod oracle;
 #[path = "exactness/passes.rs"]
 mod passes;
+#[path = "exactness/picks.rs"]
+mod picks;
 #[path = "exactness/piles.rs"]
 mod piles;
 #[path = "exactness/points.rs"]

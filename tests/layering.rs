@@ -57,7 +57,7 @@ const CRATES: [(&str, &[Room]); 15] = [
             ("machining", &["analysis", "csg", "voids"]),
         ],
     ),
-    ("coding", &[("range", &[]), ("bsp", &["range"])]),
+    ("coding", &[("range", &[]), ("bsp", &["range"]), ("picks", &["range", "bsp"])]),
     ("export", &[("export", &[]), ("import", &[])]),
     ("splats", &[("ellipses", &[]), ("splats", &["ellipses"]), ("draw", &["splats"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),

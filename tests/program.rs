@@ -38,6 +38,7 @@ mod program {
     mod shards;
     mod shell;
     mod signals;
+    mod splat_picks;
     mod splats;
     mod store;
     mod summaries;

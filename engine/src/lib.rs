@@ -56,6 +56,7 @@
 //! | [`contour`] | meshes, with a tolerance, with normals, streamed into files |
 //! | [`export`], [`import`] | volumes in the files of other tools |
 //! | [`splats`], [`bsp`] | parts as small clipped planes, level by level, and files of them |
+//! | [`picks`] | tables of the beads of a part, for picks in pages |
 //! | [`ellipses`] | parts as few flat ellipses that are larger than cells |
 //! | [`fraction`] | meshes of a detail or of a number of triangles |
 //! | [`section`], [`render`] | sections, drawings, pictures in all styles |
@@ -74,7 +75,7 @@
 //! | `vulkan` | devices in [`gpu`]; without it there are none |
 //! | `export` | [`export`], [`import`] |
 //! | `pictures` | [`picture`], [`section`], [`render`], [`overlay`]; `Octree::write_slice` and `write_picture` |
-//! | `splats` | [`splats`], [`bsp`], [`draw`], [`ellipses`]; brings `pictures` |
+//! | `splats` | [`splats`], [`bsp`], [`picks`], [`draw`], [`ellipses`]; brings `pictures` |
 //! | `las` | packed point clouds of LAS: LAZ, COPC |
 //! | `e57` | point clouds in E57 |
 //!
@@ -100,7 +101,7 @@ pub use octree::Octree;
 pub use brickfield_analysis::{analysis, csg, distance, fraction, machining, voids};
 pub use brickfield_builder::{backend, build, volumes};
 #[cfg(feature = "splats")]
-pub use brickfield_coding::bsp;
+pub use brickfield_coding::{bsp, picks};
 pub use brickfield_core::lattice::Axis;
 pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
 #[cfg(feature = "export")]

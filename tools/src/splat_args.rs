@@ -3,7 +3,7 @@
 use crate::args::IoArg;
 use crate::units::{Length, Size};
 use crate::work::WorkArgs;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
 /// Write the part as splats: small clipped planes, of which any beginning of the file is a picture
@@ -21,6 +21,9 @@ at edges. With --error, cells are not divided where their splats are near enough
 
 With --number, a .ply or .glb has so many ellipses that are larger than cells, with the least distance found. Nothing cuts them, \
 so at sharp edges they reach beyond the part: they are for smooth ones.
+
+A click on a page tells a position, and of toolpaths the bead, its layer, feature and line of the program. Beads come from a \
+store built with --identity, else from the toolpath, if that is where it was, unchanged; see --picks.
 
 Examples:
   brickfield splats part.brf -o part.bsp
@@ -49,6 +52,9 @@ pub struct SplatsArgs {
     /// Circles in place of ellipses
     #[arg(long, requires = "number")]
     pub circles: bool,
+    /// What a click on a page tells beside the position [default: auto]
+    #[arg(long, value_enum, value_name = "WHAT", conflicts_with = "number")]
+    pub picks: Option<PicksArg>,
     /// Memory for splats, as in 512MiB, to which 20 bytes a splat come while a .bsp or .html is coded; splats of the deepest
     /// level that do not fit go to a temporary file
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
@@ -64,4 +70,16 @@ pub struct SplatsArgs {
     pub json: bool,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// What picks in pages tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum PicksArg {
+    /// Bead, layer, line and feature, where they can be had; in a page that is one file up to 1 MiB of them, or half of all else
+    #[default]
+    Auto,
+    /// Bead, layer, line and feature, however many bytes they take; fails if they cannot be had
+    Beads,
+    /// Positions alone
+    Positions,
 }

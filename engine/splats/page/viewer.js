@@ -197,6 +197,7 @@ function tell() {
 function take({ data: told }) {
   if (told.header) return begin(told);
   if (told.picked !== undefined) return picked(told.picked);
+  if (told.bead !== undefined) return bead_of(told);
   if (told.received !== undefined) state.received = told.received;
   if (told.error) {
     state.error = told.error;
@@ -249,7 +250,31 @@ function pick(x, y) {
   const across = [(x - canvas.clientWidth / 2) * step, (canvas.clientHeight / 2 - y) * step];
   const on_plane = view.centre.map((c, a) => c + right[a] * across[0] + up[a] * across[1]);
   const from = view.opening ? at : on_plane.map((c, a) => c + towards[a] * distance);
-  worker.postMessage({ pick: { from, along: unitOf(on_plane.map((c, a) => c - from[a])), highest: cut_at(), open: state.axis >= 0, origin: part.origin, edge: part.edge } });
+  give_beads();
+  worker.postMessage({ pick: { from, along: unitOf(on_plane.map((c, a) => c - from[a])), highest: cut_at(), open: state.axis >= 0, origin: part.origin, edge: part.edge, middle: part.middle } });
+}
+// The table of beads goes to the worker with the first pick, and what reads it: they stand at the page's end, or the table beside it.
+let beads_given = false;
+function give_beads() {
+  if (beads_given || document.readyState === "loading") return;
+  beads_given = true;
+  const { dataset: { beside }, textContent } = by("picks");
+  if (!beside && !textContent.trim()) return;
+  const table = beside ? { address: new URL(beside, location.href).href } : { bytes: decoded("picks") };
+  worker.postMessage({ picks: { program: decoded("finder"), ...table } });
+}
+// The bead of the last pick, which comes after its place.
+function bead_of({ bead, fault }) {
+  if (!state.picked) return;
+  state.picked.bead = bead;
+  if (fault) state.picked.text += "\nno bead: the table of beads cannot be read: " + fault;
+  if (bead) {
+    const digits = Math.max(0, Math.min(6, Math.floor(-Math.log10(2 * bead.step)))), text = (number) => String(Number(number.toFixed(digits)));
+    const [first, last] = bead.lines, lines = first === last ? "line " + first : "lines " + first + " to " + last;
+    const of = [bead.feature, bead.source].filter(Boolean).map((name) => ", " + name).join("");
+    state.picked.text += "\nlayer " + bead.layer + ", z " + text(bead.bottom) + " to " + text(bead.top) + " " + part.unit + "; bead " + bead.bead + ", " + lines + of;
+  }
+  tell();
 }
 function picked(found) {
   const before = state.picked;

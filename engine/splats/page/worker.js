@@ -73,22 +73,23 @@ class There {
 }
 const lost = (error) => error.name === "AbortError" ? error : new Lost("the server does not answer");
 
-let e, compiled, source, base, ready = false, running = false, stopped = false, shown = true, given = 0, began = 0;
+let e, compiled, source, base, part_crc = 0, ready = false, running = false, stopped = false, shown = true, given = 0, began = 0;
 // Units that are known and decoded, the deepest level that is whole, the one that is wanted; what was drawn last.
 let directory = [], next = 0, whole = 0, wanted = 0, count = 0, units = 0, ends = [0];
 
-const put = (...parts) => {
+const put = (...parts) => put_into(e, ...parts);
+function put_into(program, ...parts) {
   const length = parts.reduce((sum, part) => sum + part.length, 0);
-  let at = e.input(length);
+  let at = program.input(length);
   for (const part of parts) {
-    new Uint8Array(e.memory.buffer, at, part.length).set(part);
+    new Uint8Array(program.memory.buffer, at, part.length).set(part);
     at += part.length;
   }
-};
+}
 // What is there of a range.
-async function bytesOf(from, to) {
+async function bytesOf(from, to, file = source) {
   const pieces = [];
-  for await (const piece of source.read(from, to)) pieces.push(piece);
+  for await (const piece of file.read(from, to)) pieces.push(piece);
   return joined(pieces);
 }
 function joined(pieces) {
@@ -130,6 +131,7 @@ async function open() {
   const view = new DataView(first.buffer, first.byteOffset, first.length);
   if (view.getUint32(0) !== 0x89425350) throw Error("it does not begin as a file of splats does");
   source.begin = first;
+  part_crc = view.getUint32(508, true);
   units = view.getUint32(108, true);
   const start = HEAD + ENTRY * units;
   base = start + view.getUint32(112, true);
@@ -210,7 +212,7 @@ async function run() {
 }
 
 // The nearest splat on a ray, in coordinates around the middle of the part.
-function pick({ from, along, highest, open, origin, edge }) {
+function pick({ from, along, highest, open, origin, edge, middle }) {
   const words = new Uint32Array(e.memory.buffer, e.output(), count * 5), bytes = new Int8Array(e.memory.buffer, e.output(), count * 20);
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const plane = (at) => {
@@ -238,7 +240,59 @@ function pick({ from, along, highest, open, origin, edge }) {
     const place = from.map((c, a) => c + along[a] * far);
     if (place.every((c, a) => c <= highest[a])) best = { far, place, normal, level };
   }
+  last_pick++;
   postMessage({ picked: best });
+  if (best) tell(best, edge, middle);
+}
+
+// The table of beads: the file, what reads it, whether its directory was read, and what is wrong with it.
+let picks = null, p = null, picks_ready = false, picks_fault = null, picks_program = null, picks_turn = Promise.resolve(), last_pick = 0;
+const PICKS_HEAD = 112, PICKS_BLOCK = 36;
+function tell(best, edge, middle) {
+  const pick = last_pick, say = (told) => { if (pick === last_pick) postMessage(told) };
+  if (!picks) return picks_fault && say({ bead: null, fault: picks_fault });
+  const at = best.place.map((c, a) => c + middle[a]), reach = 1.5 * edge / (32 << best.level);
+  // One after the other: they share what is read.
+  picks_turn = picks_turn.then(async () => {
+    if (pick !== last_pick || !picks) return;
+    try {
+      if (!picks_ready) await open_picks();
+      for (let block; (block = p.wanted(...at, reach)) >= 0;) {
+        put_into(p, await bytesOf(p.start(block), p.start(block + 1), picks));
+        if (!p.block(block)) throw Error("it is damaged");
+      }
+      say({ bead: bead_at(at, reach) });
+    } catch (error) {
+      const text = String(error.message || error);
+      say({ bead: null, fault: text });
+      // What a server did not send is asked for again by the next pick.
+      if (!(error instanceof Lost)) { picks = null; picks_fault = text }
+    }
+  });
+}
+async function open_picks() {
+  const first = await bytesOf(0, FIRST, picks);
+  // Without ranges all of it comes at once.
+  if (!picks.ranges) picks = new Here(joined([first, await bytesOf(first.length, picks.size ?? Infinity, picks)]));
+  picks.begin = first;
+  if (first.length < PICKS_HEAD) throw Error("it ends within its header");
+  const view = new DataView(first.buffer, first.byteOffset, first.length);
+  const end = PICKS_HEAD + view.getUint32(68, true) + PICKS_BLOCK * view.getUint32(72, true);
+  if (view.getUint32(0) !== 0x8942504b || (picks.size && end > picks.size)) throw Error("it is no table of beads");
+  const bytes = await bytesOf(0, end, picks);
+  p ||= (await WebAssembly.instantiate(picks_program, {})).instance.exports;
+  put_into(p, bytes);
+  const opened = p.open(part_crc);
+  if (opened !== 1) throw Error(opened ? "it belongs to another part" : "it is damaged");
+  picks_ready = true;
+}
+function bead_at(at, reach) {
+  const length = p.nearest(...at, reach);
+  if (!length) return null;
+  const bytes = new Uint8Array(p.memory.buffer, p.found(), length).slice(), view = new DataView(bytes.buffer);
+  const [bead, layer, first, last, bottom, top, distance, step, feature, source] = [...Array(10).keys()].map((n) => view.getFloat64(8 * n, true));
+  const text = (from, to) => new TextDecoder().decode(bytes.subarray(from, to));
+  return { bead, layer: layer + 1, lines: [first, last], bottom, top, distance, step, feature: text(80, 80 + feature), source: text(80 + feature, 80 + feature + source) };
 }
 
 onmessage = async ({ data }) => {
@@ -251,6 +305,10 @@ onmessage = async ({ data }) => {
   if (data.drawn) shown = true;
   if (data.stop) { stopped = true; source.stop?.() }
   if (data.go) run();
+  if (data.picks) {
+    picks_program = data.picks.program;
+    picks = data.picks.bytes ? new Here(data.picks.bytes) : new There(data.picks.address);
+  }
   if (data.pick && ready) pick(data.pick);
   if (data.level !== undefined && ready) {
     if (data.level <= whole) return give(data.level);

@@ -11,7 +11,7 @@ mod tests;
 pub type Target = fn(&[u8]);
 
 /// All readers. The small files to begin with are in `fuzz/seeds/NAME`.
-pub const TARGETS: [(&str, Target); 18] = [
+pub const TARGETS: [(&str, Target); 19] = [
     ("stl", crate::ingest::fuzz::stl),
     ("obj", crate::ingest::fuzz::obj),
     ("ply", crate::ingest::fuzz::ply),
@@ -29,6 +29,7 @@ pub const TARGETS: [(&str, Target); 18] = [
     ("journal", crate::store::fuzz::journal),
     ("brick", crate::store::fuzz::brick),
     ("bsp", crate::splats::fuzz::bsp),
+    ("picks", crate::splats::fuzz::picks),
     ("volume", crate::import::fuzz::volume),
 ];
 

@@ -39,6 +39,7 @@ pub mod sample;
 pub mod shell;
 pub mod slice;
 mod slice_layer;
+mod splat_picks;
 pub mod splats;
 pub mod thickness;
 mod thickness_volume;

@@ -1,6 +1,7 @@
 //! `brickfield splats`: the part as splats in a file.
 
 use super::mesh_place::require_single;
+use super::splat_picks::Picks;
 use super::{CACHE_BYTES, no_unit, of_store, open_store, require_level, start, unit_of};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct};
@@ -11,8 +12,8 @@ use brickfield_engine::Progress;
 use brickfield_engine::ellipses::{EllipseOptions, ellipses_of};
 use brickfield_engine::part::directory_of;
 use brickfield_engine::splats::{
-    BspSummary, GaussianSource, LevelsOptions, SplatLevels, bsp_bytes, write_bsp, write_glb, write_page,
-    write_page_folder, write_ply,
+    BspSummary, GaussianSource, LevelsOptions, PageBytes, SplatLevels, bsp_bytes, write_bsp, write_glb,
+    write_page, write_page_folder, write_ply,
 };
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
 use serde_json::{Value, json};
@@ -53,11 +54,12 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     let kind = Kind::of(&args.output)?;
     let bars = start(args.work)?;
     let store = open_store(&args.store, CACHE_BYTES, args.io, AcceptedStores::Whole)?;
-    let file = match kind {
-        Kind::Folder => &args.output.join("part.bsp"),
-        _ => &args.output,
+    let (file, beside) = match kind {
+        Kind::Folder => (&args.output.join("part.bsp"), Some(args.output.join("part.picks"))),
+        _ => (&args.output, None),
     };
-    require_distinct(&[file], &[&args.store])?;
+    let outputs: Vec<&Path> = std::iter::once(file).chain(&beside).map(AsRef::as_ref).collect();
+    require_distinct(&outputs, &[&args.store])?;
     if let Some(level) = args.level {
         require_level(&store, level)?;
     }
@@ -72,12 +74,18 @@ pub fn run(args: &SplatsArgs) -> Result<(), Failure> {
     if args.number.is_some() && !matches!(kind, Kind::Ply | Kind::Glb) {
         return Err(Failure::Usage("--number: ellipses are written as .ply or .glb".to_owned()));
     }
+    if args.picks.is_some() && !matches!(kind, Kind::Page | Kind::Folder) {
+        return Err(Failure::Usage("--picks: pages are written as .html, or into a folder".to_owned()));
+    }
     tell_left_behind(file, args.work.quiet);
     let written = match args.number {
         Some(number) => of_ellipses(args, (kind, number), &store, &bars)?,
         None => of_cells(args, kind, &store, &bars)?,
     };
     bars.clear();
+    if let (false, Some(picks)) = (args.work.quiet, &written.picks) {
+        picks.tell();
+    }
     if args.json {
         return print_json(&written.json);
     }
@@ -103,7 +111,7 @@ fn of_cells(
         let splats = gaussians(args, kind, store, GaussianSource::Cells(&levels, args.level))?;
         let output = args.output.display().to_string();
         let text = format!("{}: {splats} splats", in_line(&args.output));
-        return Ok(SplatsReport { text, json: json!({ "output": output, "splats": splats }) });
+        return Ok(SplatsReport { text, json: json!({ "output": output, "splats": splats }), picks: None });
     }
     all_levels(args, kind, (store, &levels), bars)
 }
@@ -131,7 +139,7 @@ fn of_ellipses(
         "error": error,
         "unit": store.meta().unit,
     });
-    Ok(SplatsReport { text, json })
+    Ok(SplatsReport { text, json, picks: None })
 }
 
 /// Writes a file for other viewers; gives how many there are in it.
@@ -150,6 +158,8 @@ fn gaussians(
 struct SplatsReport {
     text: String,
     json: Value,
+    /// Of pages.
+    picks: Option<Picks>,
 }
 
 /// Writes a file, a page or a folder of all levels.
@@ -160,40 +170,49 @@ fn all_levels(
     bars: &dyn Progress,
 ) -> Result<SplatsReport, Failure> {
     let (unit, bounds) = (&store.meta().unit, [store.meta().bounds_min, store.meta().bounds_max]);
-    let (written, summary) = match kind {
-        Kind::Page => {
+    let is_page = matches!(kind, Kind::Page | Kind::Folder);
+    let mut picks = is_page.then(|| Picks::new(args, store, bars)).transpose()?;
+    let (written, summary) = match (kind, &mut picks) {
+        (Kind::Page, Some(picks)) => {
             let (bytes, summary) = bsp_bytes(levels, unit, bounds, bars)?;
-            (write_page(&bytes, &args.output)?, summary)
+            (write_page(&bytes, &picks.within(&bytes)?, &args.output)?, summary)
         }
-        Kind::Folder => write_page_folder(levels, unit, bounds, &args.output, bars)?,
+        (Kind::Folder, Some(picks)) => {
+            write_page_folder(levels, unit, bounds, &args.output, picks.beside(), bars)?
+        }
         _ => {
             let summary = write_bsp(levels, unit, bounds, &args.output, bars)?;
-            (summary.bytes, summary)
+            (PageBytes { all: summary.bytes, beads: 0 }, summary)
         }
     };
-    Ok(said(args, store, &summary, written))
+    Ok(SplatsReport { picks, ..said(args, store, &summary, written) })
 }
 
 /// What was written, all levels of it.
-fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: u64) -> SplatsReport {
+fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: PageBytes) -> SplatsReport {
     let bits = summary.bytes as f64 * 8.0 / (summary.splats.max(1)) as f64;
     let BspSummary { splats, finest, error, .. } = *summary;
     // What is stated is never less than it is.
     let shown = (error * 1000.0).ceil() / 1000.0;
     let (name, unit) = (in_line(&args.output), unit_of(store.meta()));
+    let beads = match bytes.beads {
+        0 => String::new(),
+        beads => format!("; {} of beads for picks", Size(beads)),
+    };
     let text = format!(
         "{name}: {splats} splats in {}, {bits:.2} bits each; {finest} in the finest picture, at most {shown:.3} {unit} from \
-         the crossings that they stand for",
-        Size(bytes)
+         the crossings that they stand for{beads}",
+        Size(bytes.all)
     );
     let json = json!({
         "output": args.output.display().to_string(),
         "splats": splats,
         "finest": finest,
         "error": error,
-        "bytes": bytes,
+        "bytes": bytes.all,
         "splat_bytes": summary.bytes,
+        "bead_bytes": bytes.beads,
         "unit": store.meta().unit,
     });
-    SplatsReport { text, json }
+    SplatsReport { text, json, picks: None }
 }

@@ -96,7 +96,7 @@ pub(super) struct ListSources<'a> {
 
 impl ListSources<'_> {
     /// The line of each segment, of all toolpaths.
-    fn lines(&self) -> impl Iterator<Item = u64> {
+    pub fn lines(&self) -> impl Iterator<Item = u64> {
         self.paths.iter().copied().flat_map(|path| {
             (0..path.len()).flat_map(move |bead| {
                 (0..path.points(bead).len() - 1).map(move |segment| path.line(bead, segment))

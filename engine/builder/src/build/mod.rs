@@ -21,6 +21,7 @@ mod forecast;
 mod identity;
 mod in_memory;
 mod jobs;
+mod listed;
 mod measure;
 mod memory;
 mod merge;
@@ -58,6 +59,7 @@ pub use closed::is_closed;
 pub use cloud::{build_clouds, cloud_cells};
 pub use cloud_inputs::surfels;
 pub use in_memory::{TreeInMemory, build_clouds_in_memory, build_inputs_in_memory, build_mixed_in_memory};
+pub use listed::listed_beads;
 pub use measure::{Measures, measure};
 pub use memory::{
     build_beads_in_memory, build_cloud_and_soup_in_memory, build_cloud_in_memory, build_in_memory,

@@ -155,7 +155,7 @@ impl SolidsSource<'_> {
 }
 
 /// The number of each bead's first pass, and of all passes.
-fn first_passes(paths: &[(&Toolpath, &Passes)]) -> Vec<u32> {
+pub(super) fn first_passes(paths: &[(&Toolpath, &Passes)]) -> Vec<u32> {
     let of_path = |(path, passes): &(&Toolpath, &Passes)| {
         (0..path.len()).map(|bead| passes.starts(bead).len() as u32 + 1).collect::<Vec<u32>>()
     };
@@ -182,7 +182,7 @@ pub(super) fn place_beads(
 }
 
 /// What the store says of beads. The names of features are those of all sources, one after the other.
-fn tables(sources: &[BeadSource<'_>], solids: &Solids) -> Result<BeadTables> {
+pub(super) fn tables(sources: &[BeadSource<'_>], solids: &Solids) -> Result<BeadTables> {
     let section =
         |p: &SolidProfile| SectionRow { half_width: p.half_width, half_height: p.half_height, axis: p.axis };
     let mut tables =

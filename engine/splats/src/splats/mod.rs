@@ -9,6 +9,7 @@
 //! | `write` | files of splats, `.bsp` |
 //! | `read` | the same, read |
 //! | `page` | pages with their data, and folders for servers |
+//! | `picks` | the beads of a toolpath, for picks in pages |
 //! | `gaussian` | a splat as a flat Gaussian |
 //! | `ply`, `glb` | splats as other programs want them |
 //!
@@ -26,6 +27,7 @@ mod gaussian;
 mod glb;
 mod levels;
 mod page;
+mod picks;
 mod ply;
 mod read;
 mod spilled;
@@ -38,7 +40,8 @@ pub use disc::{Disc, discs_of_levels, discs_of_tree};
 pub use gaussian::GaussianSource;
 pub use glb::write_glb;
 pub use levels::{LevelsOptions, SplatLevels};
-pub use page::{write_page, write_page_folder};
+pub use page::{PageBytes, viewer_bytes, write_page, write_page_folder};
+pub use picks::PickBeads;
 pub use ply::write_ply;
 pub use read::{read_bsp, read_tree};
 pub use write::{BspSummary, bsp_bytes, write_bsp};

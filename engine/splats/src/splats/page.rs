@@ -2,7 +2,8 @@
 //! folder for any static server, of which the page reads the file of splats by ranges.
 
 use super::levels::SplatLevels;
-use super::write::{BspSummary, write_bsp};
+use super::picks::PickBeads;
+use super::write::{BspSummary, bsp_bytes};
 use crate::error::{Error, Result};
 use crate::part::PartFile;
 use crate::progress::Progress;
@@ -15,22 +16,51 @@ const SHADERS: &str = include_str!("../../page/shaders.js");
 const VIEWER: &str = include_str!("../../page/viewer.js");
 /// The decoder, compiled by `coding/page/build.sh`.
 const DECODER: &[u8] = include_bytes!("../../page/decoder.wasm");
+/// What finds the beads of picks, likewise.
+const FINDER: &[u8] = include_bytes!("../../page/picks.wasm");
 /// Bytes that are written at once; a multiple of 3.
 const CHUNK: usize = 3 << 14;
-/// The page of a folder, and its file of splats, whose name the page knows.
+/// The page of a folder, and its files of splats and of beads, whose names the page knows.
 const INDEX: &str = "index.html";
 const PART: &str = "part.bsp";
+const PICKS: &str = "part.picks";
 
-/// Writes a page that shows the file of splats `bytes`. It gets its name when it is complete.
+/// Bytes of a page with picks of beads beside its data.
+#[must_use]
+pub fn viewer_bytes() -> usize {
+    [PAGE, WORKER, SHADERS, VIEWER].map(str::len).iter().sum::<usize>() + DECODER.len() + FINDER.len()
+}
+
+/// What a page shows.
+#[derive(Clone, Copy)]
+enum PageData<'a> {
+    /// A file of splats and a table of beads, in the page itself; without beads the table is empty.
+    Here(&'a [u8], &'a [u8]),
+    /// Files beside the page, of beads or not.
+    Beside { has_beads: bool },
+}
+
+/// Bytes of what was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PageBytes {
+    /// All files together.
+    pub all: u64,
+    /// Of these the table of beads, before it became letters; 0 where there is none.
+    pub beads: u64,
+}
+
+/// Writes a page that shows the file of splats `bytes`, and tells the beads of picks by a table as [`PickBeads::bytes`] gives it; an
+/// empty one if it is to tell none. It gets its name when it is complete.
 ///
 /// # Errors
 /// What writing gives.
-pub fn write_page(bytes: &[u8], path: &Path) -> Result<u64> {
-    write_viewer(Some(bytes), path)
+pub fn write_page(bytes: &[u8], beads: &[u8], path: &Path) -> Result<PageBytes> {
+    let all = write_viewer(PageData::Here(bytes, beads), path)?;
+    Ok(PageBytes { all, beads: beads.len() as u64 })
 }
 
-/// Writes a folder with a file of splats, and a page that reads it by ranges from any server of files. The folder is made if
-/// there is none; other files in it stay.
+/// Writes a folder with a file of splats, and a page that reads it by ranges from any server of files. With `beads` there is a table
+/// of them beside it, of which the page reads what a pick needs. The folder is made if there is none; other files in it stay.
 ///
 /// # Errors
 /// What writing gives; [`crate::error::Error::Interrupted`].
@@ -39,30 +69,54 @@ pub fn write_page_folder(
     unit: &str,
     bounds: [[f64; 3]; 2],
     folder: &Path,
+    beads: Option<&PickBeads>,
     progress: &dyn Progress,
-) -> Result<(u64, BspSummary)> {
+) -> Result<(PageBytes, BspSummary)> {
     if !folder.is_dir() {
         std::fs::create_dir(folder).map_err(Error::io(folder, "make the folder"))?;
     }
-    let summary = write_bsp(levels, unit, bounds, &folder.join(PART), progress)?;
-    let page = write_viewer(None, &folder.join(INDEX))?;
-    Ok((page + summary.bytes, summary))
+    let (splats, summary) = bsp_bytes(levels, unit, bounds, progress)?;
+    let table = beads.map(|beads| beads.bytes(&splats));
+    write_file(&folder.join(PART), &splats)?;
+    if let Some(table) = &table {
+        write_file(&folder.join(PICKS), table)?;
+    }
+    let page = write_viewer(PageData::Beside { has_beads: table.is_some() }, &folder.join(INDEX))?;
+    let beads = table.map_or(0, |table| table.len() as u64);
+    Ok((PageBytes { all: page + summary.bytes + beads, beads }, summary))
+}
+
+/// A file that gets its name when it is complete.
+fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = PartFile::create(path)?;
+    file.append(bytes)?;
+    file.finish()
 }
 
 /// A page with the data in it, or without.
-fn write_viewer(data: Option<&[u8]>, path: &Path) -> Result<u64> {
+fn write_viewer(data: PageData<'_>, path: &Path) -> Result<u64> {
     let mut file = PartFile::create(path)?;
-    let connect = if data.is_some() { "" } else { "; connect-src 'self'" };
+    let (splats, beads, connect, beside) = match data {
+        PageData::Here(splats, beads) => (splats, beads, "", ""),
+        PageData::Beside { has_beads } => {
+            (&[][..], &[][..], "; connect-src 'self'", if has_beads { PICKS } else { "" })
+        }
+    };
+    let has_beads = !beside.is_empty() || !beads.is_empty();
     let fill = |file: &mut PartFile, place: &str| match place {
         "CONNECT" => file.append(connect.as_bytes()),
+        "BESIDE" => file.append(beside.as_bytes()),
         "WORKER" => file.append(WORKER.as_bytes()),
         "SHADERS" => file.append(SHADERS.as_bytes()),
         "VIEWER" => file.append(VIEWER.as_bytes()),
         "DECODER" => append_letters(file, DECODER),
-        _ => append_letters(file, data.unwrap_or_default()),
+        "FINDER" if has_beads => append_letters(file, FINDER),
+        "FINDER" => Ok(()),
+        "PICKS" => append_letters(file, beads),
+        _ => append_letters(file, splats),
     };
     let mut rest = PAGE;
-    for place in ["CONNECT", "DECODER", "DATA", "WORKER", "SHADERS", "VIEWER"] {
+    for place in ["CONNECT", "DECODER", "DATA", "WORKER", "SHADERS", "VIEWER", "FINDER", "BESIDE", "PICKS"] {
         let (before, after) = rest.split_once(&format!("@{place}@")).expect("the page has a place for it");
         file.append(before.as_bytes())?;
         fill(&mut file, place)?;
@@ -113,10 +167,15 @@ mod tests {
             return;
         }
         let folder = tempfile::tempdir().unwrap();
-        let made = folder.path().join("decoder.wasm");
-        let script = here.join("../coding/page/build.sh");
-        let done = std::process::Command::new(script).arg(&made).output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        assert!(std::fs::read(&made).unwrap() == DECODER, "compile it anew: engine/coding/page/build.sh");
+        for (name, kept) in [("decoder", DECODER), ("picks", FINDER)] {
+            let made = folder.path().join("made.wasm");
+            let script = here.join("../coding/page/build.sh");
+            let done = std::process::Command::new(script).arg(name).arg(&made).output().unwrap();
+            assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+            assert!(
+                std::fs::read(&made).unwrap() == kept,
+                "compile it anew: engine/coding/page/build.sh {name}"
+            );
+        }
     }
 }
