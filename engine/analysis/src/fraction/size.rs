@@ -279,9 +279,10 @@ fn first_lattice(
                 is_known_above = true;
                 to = f64::from(factors[0]) / STEP;
                 from = to / REACH;
-                lattices.reverse();
+                // The next ones; those beyond are made when they are needed.
                 lattices.truncate(4);
-                coarser.append(&mut lattices);
+                lattices.reverse();
+                coarser = lattices;
             }
         }
     }
