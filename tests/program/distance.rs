@@ -535,6 +535,10 @@ fn what_cannot_be_compared_is_a_line() {
     run(&[&"thickness", &part, &"-o", &out, &"--below", &"1mm"]).misused();
     run(&[&"offset", &part, &"-o", &dir.path("o.brf")]).misused();
     run(&[&"offset", &part, &"-o", &dir.path("o.brf"), &"--by", &"1", &"--shell", &"1"]).misused();
+    let mut turned = mesh.clone();
+    turned.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    let turned = stl_of(&dir, "t.stl", &turned);
+    run(&[&"deviation", &part, &turned, &"-o", &out, &"-q"]).ok_but_for("t.stl: the mesh is inside out");
     let told = run(&[&"deviation", &part, &lidless, &"-o", &out, &"-q"]);
     told.ok_but_for("is not closed");
     assert!(!dir.names().iter().any(|name| name.ends_with(".part")));

@@ -236,6 +236,9 @@ pub(super) fn open_reference(
     if !triangles.is_closed() {
         warn(&format!("{name}: the mesh is not closed, so the nearest triangle tells the side of a point"));
     }
+    if triangles.is_inside_out() {
+        warn(&format!("{name}: the mesh is inside out, so distances have the wrong sign; turn its facets"));
+    }
     Ok(OpenReference::Mesh(Box::new(triangles)))
 }
 
