@@ -172,7 +172,13 @@ impl Triangles {
             blocks.push(group.boxes.whole());
             groups.push(group)?;
         }
-        Ok(Triangles { groups, boxes: Boxes::new(blocks.into_iter(), 1), count, is_closed: balance == 0, volume })
+        Ok(Triangles {
+            groups,
+            boxes: Boxes::new(blocks.into_iter(), 1),
+            count,
+            is_closed: balance == 0,
+            volume,
+        })
     }
 
     /// Whether every edge has as many triangles on one side as on the other.
