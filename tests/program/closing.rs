@@ -109,6 +109,12 @@ fn what_cannot_be_closed_is_refused_in_a_line() {
     };
     let line = failed(&store, &["--close", "0.1mm"]).failed();
     assert!(line.contains("is below two cells, 0.9") && line.contains("--close"), "{line}");
+    // The part grown by a metre would have a surface of some square metres.
+    let line = failed(&store, &["--close", "1m"]).failed();
+    assert!(
+        line.contains("closing by 1000 is more than the diagonal of the part") && line.contains("--close"),
+        "{line}"
+    );
     let text = failed(&store, &["--close", "2mm", "--iso", "1.5"]).misused();
     assert!(text.contains("--close is of the boundary"), "{text}");
     failed(&store, &["--close", "-2mm"]).misused();

@@ -267,11 +267,48 @@ fn what_cannot_be_combined_is_refused_and_nothing_is_written() {
     run(&[&"cache", &"prune", &dir.path("b.brf"), &"-o", &coarse, &"--level", &"1", &"-q"]).ok();
     let refused = csg(&a, &[("--minus", &coarse)], &out, &[]).failed();
     assert!(refused.contains("coarse.brf: its leaf") && refused.contains("--like"), "{refused}");
-    for body in ["z>", "box 1,2,3", "sphere 1,2,3,r0", "box 3,3,3,1,1,1"] {
+    for body in ["z>", "box 1,2,3", "sphere 1,2,3,r0"] {
         csg(&a, &[("--minus", Path::new(body))], &out, &[]).misused();
     }
+    let refused = csg(&a, &[("--minus", Path::new("box 3,3,3,1,1,1"))], &out, &[]).misused();
+    assert!(
+        refused.contains("'box 3,3,3,1,1,1': the body holds nothing; give least coordinates"),
+        "{refused}"
+    );
+    // Not files that are missing, but bodies that are mistyped.
+    for body in ["z=5", "w>5", "sphere", "box:0,0,0,1,1,1", "cone 5,5,5,r2", "Sphere(5,5,5,2)"] {
+        let refused = csg(&a, &[("--minus", Path::new(body))], &out, &[]).misused();
+        assert!(refused.contains("no body that is known; give `z>20mm`"), "{refused}");
+    }
+    let far = mesh(&dir, "far.stl", &[cuboid([90.0; 3], [95.0; 3])]);
+    let refused = csg(&a, &[("--minus", &far)], &out, &[]).failed();
+    assert!(refused.contains("far.stl: the input spans"), "{refused}");
     csg(&a, &[("--plus", Path::new("z>3"))], &out, &[]).misused();
     csg(&a, &[], &out, &[]).misused();
+    assert!(dir.names().iter().all(|name| !name.starts_with("out")), "{:?}", dir.names());
+}
+
+#[test]
+fn a_part_of_which_nothing_is_left_is_told_and_measures_are_refused_in_a_line() {
+    let dir = Scratch::new();
+    let part = dir.store("overlap_boxes", 1);
+    let none = dir.path("none.brf");
+    let made = csg(&part, &[("--minus", &part)], &none, &[]);
+    assert!(made.stderr.contains("none.brf: nothing is left of the part"), "{}", made.stderr);
+    assert_eq!(made.stderr.lines().count(), 1);
+    run(&[&"verify", &none]).ok();
+    let (ply, stl) = (dir.path("out.ply"), dir.path("out.stl"));
+    for (told, words) in [
+        (run(&[&"thickness", &none, &"-o", &ply]), "none.brf: the store has no surface"),
+        (run(&[&"deviation", &none, &part, &"-o", &ply]), "none.brf: the store has no surface"),
+        (run(&[&"deviation", &part, &none, &"-o", &ply]), "none.brf: the store has no surface"),
+        (run(&[&"offset", &none, &"--by", &"1", &"-o", &dir.path("out.brf")]), "the store has no surface"),
+        (run(&[&"mesh", &none, &"-o", &stl, &"--triangles", &"100"]), "no cells leave anything of the part"),
+        (run(&[&"mesh", &none, &"-o", &stl, &"--max-size", &"9kB"]), "no cells leave anything of the part"),
+    ] {
+        let refused = told.failed();
+        assert!(refused.contains(words), "{refused}");
+    }
     assert!(dir.names().iter().all(|name| !name.starts_with("out")), "{:?}", dir.names());
 }
 

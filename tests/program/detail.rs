@@ -139,6 +139,13 @@ fn triangles_are_as_many_as_asked_for_and_files_as_large() {
     meshed(&store, &out, &["--max-size", "200kB"]);
     let bytes = std::fs::metadata(&out).unwrap().len();
     assert!((180_000..=200_000).contains(&bytes), "{bytes}");
+    // Formats that are packed, and what makes vertices larger.
+    for (name, more) in [("b.3mf", &[][..]), ("b.ply", &["--double"][..]), ("b.obj", &["--normals"][..])] {
+        let out = dir.path(name);
+        meshed(&store, &out, &[&["--max-size", "60kB"], more].concat());
+        let bytes = std::fs::metadata(&out).unwrap().len();
+        assert!((25_000..=60_000).contains(&bytes), "{name}: {bytes}");
+    }
 }
 
 #[test]

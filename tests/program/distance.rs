@@ -512,6 +512,15 @@ fn what_cannot_be_compared_is_a_line() {
         assert!(text.contains(words), "{args:?}: {text}");
         assert!(!name.exists());
     }
+    let empty = dir.file("empty.stl", "solid a\nendsolid a\n");
+    let text = run(&[&"deviation", &part, &empty, &"-o", &out]).failed();
+    assert!(text.contains("empty.stl: the reference has no triangle with area"), "{text}");
+    // A cuboid has no gaps: that is said, and is no number.
+    let gaps = dir.path("gaps.ply");
+    let told = run(&[&"thickness", &part, &"-o", &gaps, &"--gaps"]).ok();
+    assert!(told.contains("no gaps, as nothing is opposite"), "{told}");
+    let json = run(&[&"thickness", &part, &"-o", &gaps, &"--gaps", &"--json"]).json();
+    assert!(json["measured"] == 0 && json["max"].is_null() && json["mean"].is_null(), "{json}");
     for (ratio, words) in [(25.4, "25.4 times larger"), (0.001, "1000 times smaller")] {
         let other = stl_of(&dir, "u.stl", &mesh.clone().scaled([ratio; 3]));
         let text = run(&[&"deviation", &part, &other, &"-o", &out]).failed();
@@ -526,6 +535,10 @@ fn what_cannot_be_compared_is_a_line() {
     run(&[&"thickness", &part, &"-o", &out, &"--below", &"1mm"]).misused();
     run(&[&"offset", &part, &"-o", &dir.path("o.brf")]).misused();
     run(&[&"offset", &part, &"-o", &dir.path("o.brf"), &"--by", &"1", &"--shell", &"1"]).misused();
+    let mut turned = mesh.clone();
+    turned.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+    let turned = stl_of(&dir, "t.stl", &turned);
+    run(&[&"deviation", &part, &turned, &"-o", &out, &"-q"]).ok_but_for("t.stl: the mesh is inside out");
     let told = run(&[&"deviation", &part, &lidless, &"-o", &out, &"-q"]);
     told.ok_but_for("is not closed");
     assert!(!dir.names().iter().any(|name| name.ends_with(".part")));

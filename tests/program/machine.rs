@@ -251,6 +251,11 @@ fn bad_programs_and_tools_are_refused_and_nothing_is_written() {
     let good = dir.file("good.nc", "G0 X0 Y0 Z30\nG1 X5\n");
     machine(&part, &good, &["saw:6"], &out, &[]).misused();
     machine(&part, &good, &["flat:0"], &out, &[]).misused();
+    let twice = machine(&part, &good, &["1=flat:6", "2=flat:3", "1=ball:6"], &out, &[]).misused();
+    assert!(twice.contains("--tool 1=: is given twice"), "{twice}");
+    let printed = dir.file("printed.nc", "G0 X0 Y0 Z30\nG1 X5 E0.2\n");
+    let refused = machine(&part, &printed, &["flat:6"], &out, &[]).failed();
+    assert!(refused.contains("printed.nc: line 2: ") && refused.contains("E0.2"), "{refused}");
     let unknown = machine(&part, &good, &[], &out, &[]).failed();
     assert!(
         unknown.contains("good.nc: line 2: moves with tool T0") && unknown.contains("--tool 0="),

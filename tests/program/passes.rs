@@ -40,6 +40,48 @@ fn retraced_lines_count_as_often_as_they_were_laid() {
 }
 
 #[test]
+fn laps_count_at_their_seam_as_winding_and_overlaps_have_it() {
+    let dir = Scratch::new();
+    // Three rounds of a square: the seam is the joint of the first two passes and of the last two.
+    let mut program = "G21\nG90\nM83\n;HEIGHT:0.2\n;WIDTH:0.5\nG0 X0.0123 Y0.0071 Z0.2\n".to_owned();
+    for _ in 0..3 {
+        program += "G1 X4 E0.15\nG1 Y4 E0.15\nG1 X0.0123 E0.15\nG1 Y0.0071 E0.15\n";
+    }
+    let (laps, store) = (dir.file("laps.gcode", &program), dir.path("laps.brf"));
+    let built = run(&[&"build", &laps, &"-o", &store, &"--cell", &"0.05mm", &"--identity", &"-q"]);
+    assert_eq!(built.status, Some(0), "{}", built.stderr);
+    let found = run(&[&"overlap", &store, &"--json"]).json();
+    assert_eq!(found["unexplained_samples"], "0", "{found}");
+    assert_eq!(found["pair_samples"], found["field_samples"], "{found}");
+    assert_eq!(found["pairs"], 3, "{found}");
+    // Samples around the seam are what the source says there.
+    let (npy, points) = (dir.path("w.npy"), dir.path("p.csv"));
+    let depth = info(&store)["depth"].to_string();
+    run(&[&"export", &store, &"--level", &depth, &"-o", &npy, &"-q"]).ok();
+    let array = Array::read(&npy);
+    let told: Value = serde_json::from_str(&fs::read_to_string(dir.path("w.json")).unwrap()).unwrap();
+    let number = |value: &Value| value.as_f64().unwrap();
+    let spacing = number(&told["spacing"]);
+    let first: [f64; 3] = [0, 1, 2].map(|a| number(&told["origin"][a]));
+    let (mut text, mut samples) = (String::new(), Vec::new());
+    for (n, w) in array.values.iter().enumerate() {
+        let axis = array.axis;
+        let at = [n % axis, n / axis % axis, n / (axis * axis)];
+        let place: [f64; 3] = [0, 1, 2].map(|a| first[a] + at[a] as f64 * spacing);
+        if place[..2].iter().all(|c| c.abs() < 0.4) && (0.0..0.2).contains(&place[2]) {
+            text += &format!("{},{},{}\n", place[0], place[1], place[2]);
+            samples.push(*w);
+        }
+    }
+    fs::write(&points, text).unwrap();
+    let exact = run(&[&"winding", &laps, &"--points", &points]).ok();
+    let exact: Vec<f64> =
+        exact.lines().skip(1).map(|line| line.rsplit(',').next().unwrap().parse().unwrap()).collect();
+    assert!(samples.contains(&3.0) && samples.contains(&1.0));
+    assert_eq!(samples, exact);
+}
+
+#[test]
 fn samples_name_passes_and_the_lines_of_their_segments() {
     let dir = Scratch::new();
     let (store, points) = (dir.path("r.brf"), dir.path("p.csv"));

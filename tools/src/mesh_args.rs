@@ -79,7 +79,7 @@ pub struct MeshArgs {
     /// Fill voids, channels and necks that no ball of this diameter enters, as in 0.5mm, before the mesh is made
     ///
     /// What a ball of this size touches from outside, or from within a larger void, stays as it is. Concave edges become
-    /// round. LEN is two of the store's cells at least. A closed store of about the size of this one stands beside the mesh
+    /// round. LEN is two of the store's cells at least, and no more than the diagonal of the part. A closed store of about the size of this one stands beside the mesh
     /// meanwhile.
     #[arg(long, value_name = "LEN", requires = "output")]
     pub close: Option<Length>,

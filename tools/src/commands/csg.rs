@@ -2,11 +2,13 @@
 
 use super::operands::{Common, OpenOperand, OperandContent, ready, source_of};
 use super::{open_store, require_whole_samples, start};
+use crate::args::IoArg;
 use crate::csg_args::CsgArgs;
 use crate::failure::Failure;
 use crate::kinds::require_store_name;
-use crate::output::{in_line, print, print_json, require_distinct};
+use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::units::Size;
+use brickfield_engine::analysis::winding_range;
 use brickfield_engine::csg::{Chain, CsgSummary, HiddenCrossings, Operand, Operation, Writing, meta_of};
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::json;
@@ -56,6 +58,7 @@ pub fn run(args: &CsgArgs) -> Result<(), Failure> {
     let writing = Writing { memory: args.keeping.memory.0, pace, restart: args.keeping.restart, settings };
     let summary = chain.write(&args.output, meta, writing, &bars)?;
     bars.clear();
+    tell_if_empty(&args.output, args.io)?;
     let seconds = begun.elapsed().as_secs_f64();
     if args.json {
         let chain: Vec<_> = args.chain.0.iter().map(|(op, text)| json!([op.name(), text])).collect();
@@ -76,6 +79,15 @@ pub fn run(args: &CsgArgs) -> Result<(), Failure> {
     } else {
         Ok(())
     }
+}
+
+/// Warns of a store without anything solid.
+fn tell_if_empty(output: &Path, io: IoArg) -> Result<(), Failure> {
+    let made = open_store(output, 0, io, AcceptedStores::Whole)?;
+    if winding_range(&made).is_some_and(|(_, most)| most < 1) {
+        warn(&format!("{}: nothing is left of the part, so the store is empty", in_line(output)));
+    }
+    Ok(())
 }
 
 /// Time between two commits.

@@ -1,7 +1,7 @@
 //! `brickfield deviation`: a part against what it should be.
 
 use super::thickness::{layers_of, place_of, require_numbers};
-use super::{no_unit, of_store, open_inputs, open_store, require_whole_samples, start, unit_of};
+use super::{no_unit, of_file, of_store, open_inputs, open_store, require_whole_samples, start, unit_of};
 use crate::args::IoArg;
 use crate::distance_args::{AlignArg, DeviationArgs};
 use crate::elsewhere::is_address;
@@ -218,7 +218,11 @@ pub(super) fn open_reference(
             )
             .into());
         }
-        let surface = Surface::new(&store, args.memory / 4, args.folder, bars)?;
+        let surface = Surface::new(&store, args.memory / 4, args.folder, bars)
+            .map_err(|error| of_store(&store, "surface", error))?;
+        if surface.bounds().is_none() {
+            return Err(anyhow!("{name}: the store has no surface; build it with finer cells").into());
+        }
         return Ok(OpenReference::Store(Box::new((surface, store))));
     }
     let inputs = open_inputs(&[args.reference.to_owned()], &[args.output], &OpenOptions::default(), bars)?;
@@ -226,10 +230,14 @@ pub(super) fn open_reference(
         return Err(anyhow!("{name}: it is a toolpath; build a store of it and give that").into());
     }
     let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
-    let triangles = Triangles::new(&sources, (args.memory / 2, args.folder), bars)?;
+    let triangles = Triangles::new(&sources, (args.memory / 2, args.folder), bars)
+        .map_err(|error| of_file(args.reference, error))?;
     inputs.iter().try_for_each(|input| input.check())?;
     if !triangles.is_closed() {
         warn(&format!("{name}: the mesh is not closed, so the nearest triangle tells the side of a point"));
+    }
+    if triangles.is_inside_out() {
+        warn(&format!("{name}: the mesh is inside out, so distances have the wrong sign; turn its facets"));
     }
     Ok(OpenReference::Mesh(Box::new(triangles)))
 }

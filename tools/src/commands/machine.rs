@@ -110,7 +110,11 @@ fn options(args: &MachineArgs, store: &Store, unit: f64) -> Result<ProgramOption
         tools = table_of_tools(path)?;
     }
     let mut tool = None;
-    for NumberedTool(number, of) in &args.tool {
+    for (n, NumberedTool(number, of)) in args.tool.iter().enumerate() {
+        if args.tool[..n].iter().any(|before| before.0 == *number) {
+            let which = number.map_or("without a number".to_owned(), |number| format!("{number}="));
+            return Err(Failure::Usage(format!("--tool {which}: is given twice; give each tool once")));
+        }
         match number {
             Some(number) => drop(tools.insert(*number, *of)),
             None => tool = Some(*of),

@@ -141,8 +141,8 @@ fn run_coarse(
     let options = mesh_detail::options_of(args, store, (cache_bytes / 4) as usize)?;
     let memory = cache_bytes - cache_bytes / 4 - brick_bytes;
     let source = if store.meta().shard.is_none() { Some(ExpectedVolume::of(store, bars)?) } else { None };
-    let (made, chosen) =
-        mesh_detail::find_chosen(args, (store, whole), output, (&options, memory), source.as_ref(), bars)?;
+    let (of, with) = ((output, place.bits()), (&options, memory));
+    let (made, chosen) = mesh_detail::find_chosen(args, (store, whole), of, with, source.as_ref(), bars)?;
     let options = ContourOptions { tolerance: made.tolerance, ..options };
     let tree = FractionTree::new(&made.lattice, made.kept.depth);
     let mut report = write_chosen((args, &chosen), (store, &tree), &options, (output, sink), bars)?;
@@ -159,7 +159,7 @@ fn run_coarse(
         }
         report.expected = Some(expected);
     }
-    let most = mesh_detail::most_triangles(args, output)?;
+    let most = mesh_detail::most_triangles(args, of)?;
     if args.detail.is_none()
         && let Some(why) = mesh_detail::fewer_triangles(&made, report.triangles, most)
     {

@@ -60,12 +60,12 @@ pub fn check(args: &MeshArgs) -> Result<(), Failure> {
 pub fn find_chosen(
     args: &MeshArgs,
     (store, tree): (&Store, &dyn BrickTree),
-    output: &Path,
+    (output, bits): (&Path, u8),
     (options, memory): (&ContourOptions, u64),
     expected: Option<&ExpectedVolume>,
     bars: &Bars,
 ) -> Result<(SizedMesh, ShellChoice), Failure> {
-    let most = most_triangles(args, output)?;
+    let most = most_triangles(args, (output, bits))?;
     let least = 0.9 * most as f64;
     let make = |ask: u64| -> Result<(SizedMesh, ShellChoice, u64), Failure> {
         let made = find(args, (store, tree), ask, (options, memory), expected, bars)?;
@@ -160,10 +160,10 @@ fn find(
     Ok(of_triangles(tree, request, bars).map_err(told)?)
 }
 
-/// The most triangles that are asked for.
-pub fn most_triangles(args: &MeshArgs, output: &Path) -> Result<u64, Failure> {
+/// The most triangles that are asked for, of a file with coordinates of so many bits.
+pub fn most_triangles(args: &MeshArgs, (output, bits): (&Path, u8)) -> Result<u64, Failure> {
     let of_size = args.max_size.map(|Size(bytes)| {
-        let most = bytes.saturating_sub(HEADER_BYTES) / bytes_a_triangle(output);
+        let most = bytes.saturating_sub(HEADER_BYTES) / most_bytes_a_triangle(args, output, bits);
         if most < LEAST_TRIANGLES {
             return Err(Failure::Usage(format!("--max-size {}: no mesh is so small", Size(bytes))));
         }
@@ -171,6 +171,19 @@ pub fn most_triangles(args: &MeshArgs, output: &Path) -> Result<u64, Failure> {
     });
     let of_size = of_size.transpose()?.unwrap_or(u64::MAX);
     Ok(args.triangles.unwrap_or(u64::MAX).min(of_size))
+}
+
+/// The most that a triangle takes in a file; two have a vertex, whose coordinates and normal count by half.
+fn most_bytes_a_triangle(args: &MeshArgs, output: &Path, bits: u8) -> u64 {
+    let is = |ending: &str| output.extension().is_some_and(|end| end.eq_ignore_ascii_case(ending));
+    if is("3mf") {
+        // Coordinates of coarse cells are packed less well than those of a lattice.
+        return 24;
+    }
+    let normal = if is("obj") { 36 } else { 7 };
+    let double = if bits > 32 && !is("obj") { 7 } else { 0 };
+    let has_normals = args.normals && !is("stl");
+    bytes_a_triangle(output) + double + if has_normals { normal } else { 0 }
 }
 
 /// What a mesh file has beside its triangles.

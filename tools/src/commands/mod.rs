@@ -139,6 +139,16 @@ fn of_store(store: &Store, place: &str, error: Error) -> Error {
     }
 }
 
+/// An error of what was asked for that names no file, as one of this file.
+fn of_file(path: &Path, error: Error) -> anyhow::Error {
+    match error {
+        Error::Setting { what, remedy } => {
+            anyhow::anyhow!("{}: {what}; {remedy}", crate::output::in_line(path))
+        }
+        error => error.into(),
+    }
+}
+
 /// The store's unit for messages, or the word for an unknown one.
 fn unit_of(meta: &Meta) -> &str {
     if meta.unit.is_empty() { "units" } else { &meta.unit }

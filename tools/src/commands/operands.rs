@@ -1,6 +1,6 @@
 //! Operands of Booleans: stores, inputs that are built for the time of a command, and bodies.
 
-use super::{open_inputs, open_store, require_whole_samples};
+use super::{of_file, open_inputs, open_store, require_whole_samples};
 use crate::args::IoArg;
 use crate::bodies::body;
 use crate::failure::Failure;
@@ -85,6 +85,12 @@ pub fn ready(
         return of_body(text, &option, operation, body, common);
     }
     let path = Path::new(text);
+    if !path.exists() && looks_like_a_body(text) {
+        let option = format!("--{} '{text}'", operation.name());
+        return Err(Failure::Usage(format!(
+            "{option}: this is no file, and no body that is known; give {BODIES}"
+        )));
+    }
     let input = FileKind::of(path).filter(|kind| kind.is_input());
     let (store, temporary) = match input {
         Some(_) => {
@@ -109,6 +115,23 @@ pub fn ready(
         }
     };
     Ok(OpenOperand { content: OperandContent::Store(Box::new(store)), source, _temporary: temporary })
+}
+
+/// Bodies, in the words of a message.
+const BODIES: &str =
+    "`z>20mm`, `box 0,0,0,10,10,5`, `cylinder 31,31,r15mm,z`, `sphere 5,5,5,r2`, or a file that is there";
+
+/// Whether a text that is no file was rather meant for a body.
+fn looks_like_a_body(text: &str) -> bool {
+    let kind: String = text.trim().chars().take_while(char::is_ascii_alphabetic).collect();
+    let is_named = ["box", "cylinder", "sphere"].contains(&kind.to_lowercase().as_str());
+    let has_end = Path::new(text).extension().is_some_and(|end| {
+        end.to_str().is_some_and(|end| {
+            end.starts_with(|c: char| c.is_ascii_alphabetic())
+                && end.chars().all(|c| c.is_ascii_alphanumeric())
+        })
+    });
+    is_named || (!has_end && text.contains(['<', '>', '=', ',', ' ']))
 }
 
 /// Refuses a store whose samples stand elsewhere.
@@ -169,6 +192,7 @@ fn build_for_now(number: usize, path: &Path, common: &Common<'_>) -> Result<Besi
     options.keeping.restart = true;
     let room = memory::require_room(&inputs, &options, Some(common.memory))?;
     options.resources = Resources { memory: room, index: memory::index_share(room), ..Resources::default() };
-    build_opened(&inputs, temporary.path(), &options, common.progress)?;
+    build_opened(&inputs, temporary.path(), &options, common.progress)
+        .map_err(|error| of_file(path, error))?;
     Ok(temporary)
 }

@@ -10,6 +10,7 @@ use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use crate::units::Unit;
+use anyhow::anyhow;
 use brickfield_engine::analysis::{CoveringPass, beads_at_points};
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::thickness::{Method, Options, PreviousContact, at_world, thin_regions};
@@ -59,6 +60,10 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     // As in `offset`, the allocator needs some more than pieces have.
     let surface = Surface::new(&store, memory / 8 * 3, folder, &bars)
         .map_err(|error| of_store(&store, "surface", error))?;
+    if surface.bounds().is_none() {
+        let name = in_line(&args.store);
+        return Err(anyhow!("{name}: the store has no surface; build it with finer cells").into());
+    }
     let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
     let (mut text, mut mesh) = (String::new(), None);
     if let Some(ply) = ply {
@@ -205,6 +210,7 @@ fn document(args: &ThicknessArgs, store: &Store, values: &PointNumbers, cell: f6
     let told =
         if measured > 0 { values.at_ranks(&ranks, |value| value)? } else { vec![f64::NAN; ranks.len()] };
     let most = if measured > 0 { told[6] } else { 0.0 };
+    let if_any = |value: f64| if measured > 0 { value } else { f64::NAN };
     let mut bars = vec![0u64; BARS];
     let mut sum = 0.0;
     values.each(|value| {
@@ -233,8 +239,8 @@ fn document(args: &ThicknessArgs, store: &Store, values: &PointNumbers, cell: f6
             "90": length(told[4]),
             "99": length(told[5]),
         },
-        "max": length(most),
-        "mean": length(mean),
+        "max": length(if_any(most)),
+        "mean": length(if_any(mean)),
         "histogram": { "from": 0.0, "to": most, "counts": bars },
     }))
 }
@@ -248,10 +254,15 @@ fn summary(
     let unit = unit_of(store.meta());
     let name = args.output.as_deref().map(in_line).unwrap_or_default();
     let what = if args.gaps { "gaps" } else { "walls" };
-    let mut text = format!(
-        "{name}: {} vertices; {what} of {} to {} {unit}, half of the vertices at most {}",
-        document["vertices"], document["min"], document["max"], document["percentiles"]["50"]
-    );
+    let vertices = &document["vertices"];
+    let mut text = if document["measured"] == 0 {
+        format!("{name}: {vertices} vertices; no {what}, as nothing is opposite to any of them")
+    } else {
+        let (least, most, half) = (&document["min"], &document["max"], &document["percentiles"]["50"]);
+        format!(
+            "{name}: {vertices} vertices; {what} of {least} to {most} {unit}, half of the vertices at most {half}"
+        )
+    };
     if let Some((below, regions)) = regions {
         let area: f64 = regions.iter().map(|region| region.area).sum();
         text += &format!(

@@ -243,7 +243,9 @@ fn cells(void: &Void, cell: f64) -> Vec<Value> {
         json!(void.class.map(Class::name)),
         to_place(void.volume, void.volume_error / 10.0),
     ];
-    cells.push(to_place(void.surface, void.surface / 1e3));
+    // Of voids that open through a throat no polygons are known.
+    let surface = (void.surface > 0.0).then(|| to_place(void.surface, void.surface / 1e3));
+    cells.push(surface.unwrap_or(Value::Null));
     cells.extend([length(void.equivalent_diameter()), known(void.inner_diameter), length(void.diameter)]);
     cells.extend([ratio(void.sphericity()), ratio(void.compactness())]);
     cells.extend(void.centroid.iter().chain(&low).chain(&high).map(|&c| length(c)));

@@ -268,12 +268,13 @@ impl FromStr for NodeArg {
 pub struct Size(pub u64);
 
 impl Size {
-    const UNITS: [(&'static str, u64); 9] = [
+    const UNITS: [(&'static str, u64); 10] = [
         ("KiB", 1 << 10),
         ("MiB", 1 << 20),
         ("GiB", 1 << 30),
         ("TiB", 1 << 40),
         ("kB", 1_000),
+        ("KB", 1_000),
         ("MB", 1_000_000),
         ("GB", 1_000_000_000),
         ("TB", 1_000_000_000_000),
@@ -290,7 +291,9 @@ impl FromStr for Size {
             "" => 1,
             _ => match Size::UNITS.into_iter().find(|(name, _)| *name == suffix) {
                 Some((_, bytes)) => bytes,
-                None => return Err(format!("no unit \"{suffix}\"; use KiB, MiB, GiB or TiB")),
+                None => {
+                    return Err(format!("no unit \"{suffix}\"; use KiB, MiB, GiB, TiB, kB, MB, GB or TB"));
+                }
             },
         };
         match number.parse::<f64>() {
@@ -401,6 +404,7 @@ mod tests {
     fn sizes_are_read_and_written() {
         let bytes = |text: &str| text.parse::<Size>().map(|size| size.0);
         assert_eq!(bytes("512KiB"), Ok(512 << 10));
+        assert_eq!((bytes("10kB"), bytes("10KB")), (Ok(10_000), Ok(10_000)));
         assert_eq!(bytes("4GiB"), Ok(4 << 30));
         assert_eq!(bytes("1.5 MiB"), Ok(3 << 19));
         assert_eq!(bytes("2GB"), Ok(2_000_000_000));

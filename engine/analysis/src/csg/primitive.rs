@@ -85,8 +85,10 @@ impl Primitive {
         let [low, high] = self.bounds();
         let is_number = |v: f64| !v.is_nan();
         if !low.iter().chain(&high).copied().all(is_number) || (0..3).any(|a| low[a] >= high[a]) {
-            let what = format!("{self:?} holds nothing");
-            return Err(Error::setting(what, "give least coordinates first, and a radius above 0"));
+            return Err(Error::setting(
+                "the body holds nothing",
+                "give least coordinates first, and a radius above 0",
+            ));
         }
         let snap = |world: f64, axis: usize| {
             let units = (world - root.origin[axis]) * scale;

@@ -27,7 +27,7 @@ const SHALLOWER: f64 = 0.1;
 /// A void wider than the diameter by less than a cell may be closed as well.
 ///
 /// # Errors
-/// [`Error::Setting`] if the diameter is below two cells, if the store has no surface, or one in coarser leaves; what reading
+/// [`Error::Setting`] if the diameter is below two cells or above the diagonal of the part, if the store has no surface, or one in coarser leaves; what reading
 /// and writing give.
 pub fn close(
     store: &Store,
@@ -51,6 +51,7 @@ pub fn close(
     let (radius, folder) = (0.5 * diameter, directory_of(output));
     {
         let surface = Surface::new(store, memory / 2, folder, progress)?;
+        require_shorter_than_the_part(&surface, diameter)?;
         offset(store, &surface, Solid::Offset(radius), grown.path(), progress)?;
     }
     let grown_store = Store::open(grown.path(), memory / 4)?;
@@ -60,6 +61,18 @@ pub fn close(
     let mut writer = StoreWriter::create(output, &meta)?;
     write_divided(&field, &mut writer, memory / 8, ("closing", progress))?;
     writer.finish(meta)
+}
+
+/// Refuses a ball wider than the part: what it cannot enter is nearly the part's convex hull, and the part grown by it has a
+/// surface whose area goes with the square of the diameter.
+fn require_shorter_than_the_part(surface: &Surface, diameter: f64) -> Result<()> {
+    let Some([low, high]) = surface.bounds() else { return Ok(()) };
+    let diagonal = (0..3).map(|a| (high[a] - low[a]).powi(2)).sum::<f64>().sqrt();
+    if diameter <= diagonal {
+        return Ok(());
+    }
+    let what = format!("closing by {diameter} is more than the diagonal of the part, {diagonal:.6}");
+    Err(Error::setting(what, "choose a shorter length (`close`)"))
 }
 
 /// Refuses a store with a surface in leaves above the deepest level: these have no samples of it.

@@ -38,6 +38,8 @@ pub struct Triangles {
     boxes: Boxes,
     count: usize,
     is_closed: bool,
+    /// Six times what they enclose, by their orientation.
+    volume: f64,
 }
 
 /// Triangles that are near one another.
@@ -118,12 +120,17 @@ impl Triangles {
         progress.phase("reading the reference", Some(total), "facets");
         let (mut balance, mut count) = (0u64, 0usize);
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        let (mut first, mut volume) = (None, 0.0);
         read_all(sources, progress, |facet, has_area| {
             for n in 0..3 {
                 balance = balance.wrapping_add(directed(facet[n], facet[(n + 1) % 3]));
             }
             if has_area {
                 count += 1;
+                // Counted from a corner of the mesh, which may lie far from the origin.
+                let from = *first.get_or_insert(facet[0].map(f64::from));
+                let [a, b, c] = facet.map(|corner| minus(corner.map(f64::from), from));
+                volume += dot(a, cross(b, c));
                 for c in facet {
                     (0..3).for_each(|a| (low[a], high[a]) = (low[a].min(c[a]), high[a].max(c[a])));
                 }
@@ -165,12 +172,23 @@ impl Triangles {
             blocks.push(group.boxes.whole());
             groups.push(group)?;
         }
-        Ok(Triangles { groups, boxes: Boxes::new(blocks.into_iter(), 1), count, is_closed: balance == 0 })
+        Ok(Triangles {
+            groups,
+            boxes: Boxes::new(blocks.into_iter(), 1),
+            count,
+            is_closed: balance == 0,
+            volume,
+        })
     }
 
     /// Whether every edge has as many triangles on one side as on the other.
     pub fn is_closed(&self) -> bool {
         self.is_closed
+    }
+
+    /// Whether they are closed, and enclose less than nothing: what lies in them counts as outside.
+    pub fn is_inside_out(&self) -> bool {
+        self.is_closed && self.volume < 0.0
     }
 
     /// The box around all.
@@ -497,8 +515,12 @@ mod tests {
             let signed = triangles.signed(p, &mut PreviousPlace::default()).unwrap();
             assert!((signed.0 - expected).abs() < 1e-9, "{p:?} {signed:?}");
         }
+        assert!(!triangles.is_inside_out());
+        let turned: Vec<_> = facets.iter().map(|&[a, b, c]| [a, c, b]).collect();
+        assert!(Triangles::new(&[&turned], held, &Silent).unwrap().is_inside_out());
         facets.pop();
-        assert!(!Triangles::new(&[&facets], held, &Silent).unwrap().is_closed());
+        let open = Triangles::new(&[&facets], held, &Silent).unwrap();
+        assert!(!open.is_closed() && !open.is_inside_out());
     }
 
     #[test]

@@ -229,6 +229,9 @@ fn fitting<T>(made: Result<T>) -> Result<Option<T>> {
 }
 
 fn too_few(most: u64, least: u64) -> Error {
+    if least == u64::MAX {
+        return Error::setting("no cells leave anything of the part", "build it with finer cells");
+    }
     Error::setting(
         format!("no mesh of this part with {most} triangles is known"),
         format!("ask for {least} at least, which is the fewest that was found"),

@@ -88,7 +88,7 @@ pub(super) fn is_apt(path: &Path, lines: &[&[u8]]) -> bool {
 pub(super) fn read(out: Moves<'_>, lines: &[&[u8]]) -> Result<Program> {
     let mut reader = Reader {
         out,
-        unit: 1.0,
+        unit: first_unit(lines),
         at: None,
         axis: [0.0, 0.0, 1.0],
         rapid: false,
@@ -432,13 +432,9 @@ impl Reader<'_> {
     }
 
     fn set_units(&mut self, word: &str, values: &[&str]) -> Result<()> {
-        let text = values.first().copied().unwrap_or_default().to_uppercase();
-        self.unit = match text.as_str() {
-            "MM" | "MILLIMETERS" | "MILLIMETRES" => 1.0,
-            "CM" => 10.0,
-            "IN" | "INCH" | "INCHES" => 25.4,
-            _ => return Err(self.out.fault(word.as_bytes(), "names no unit that is read: MM, CM or INCHES")),
-        };
+        let found = unit_of(values.first().copied().unwrap_or_default());
+        let what = "names no unit that is read: MM, CM or INCHES";
+        self.unit = found.ok_or_else(|| self.out.fault(word.as_bytes(), what))?;
         Ok(())
     }
 
@@ -513,6 +509,33 @@ impl Reader<'_> {
             _ => Ok(None),
         }
     }
+}
+
+/// mm in a unit.
+fn unit_of(name: &str) -> Option<f64> {
+    match name.to_uppercase().as_str() {
+        "MM" | "MILLIMETERS" | "MILLIMETRES" => Some(1.0),
+        "CM" => Some(10.0),
+        "IN" | "INCH" | "INCHES" => Some(25.4),
+        _ => None,
+    }
+}
+
+/// mm in the unit that stands before the first place: it counts for tools in front of it, too.
+fn first_unit(lines: &[&[u8]]) -> f64 {
+    for line in lines {
+        let text = String::from_utf8_lossy(line);
+        let statement = without_number(text.trim());
+        match word_of(statement).as_str() {
+            "FROM" | "GOTO" | "GODLTA" | "CIRCLE" | "CYCLE" => break,
+            "UNITS" => {
+                let name = statement.split_once('/').and_then(|(_, values)| values.split([',', '$']).next());
+                return name.and_then(|name| unit_of(name.trim())).unwrap_or(1.0);
+            }
+            _ => {}
+        }
+    }
+    1.0
 }
 
 /// A mill by its diameter and the radius of its corner.

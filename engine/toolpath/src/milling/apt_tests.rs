@@ -103,6 +103,9 @@ fn tools_come_from_cutter_and_tldata() {
         ),
         ["T3 bull:10mm,2mm", "T4 ball:6.35mm", "T5 flat:6mm"]
     );
+    // The unit counts for what stands in front of it.
+    let inches = "PARTNO A\nCUTTER/0.5\nLOADTL/1\n10 UNITS / INCHES $$ of all\nFROM/0,0,0\nGOTO/1,0,0\n";
+    assert_eq!(tools(inches), ["T1 flat:12.7mm"]);
     assert_eq!(
         tools("CUTTER/12.0,0,6,0,0,0,30\nFROM/0,0,0\nGOTO/1,0,0\nCUTTER/12\nGOTO/2,0,0\n"),
         ["T0 flat:12mm"]

@@ -25,7 +25,7 @@ const WITHOUT_MACROS: &str = "post-process without macros and variables";
 /// [`Error::Io`] if it cannot be read; [`Error::Input`] with the line and the word that cannot be followed.
 pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
     let bytes = std::fs::read(path).map_err(Error::io(path, "read"))?;
-    let lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii).collect();
+    let lines = lines_of(&bytes);
     let out = Moves::new(path, options);
     if apt::is_apt(path, &lines) {
         return apt::read(out, &lines);
@@ -34,6 +34,14 @@ pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
         Flow { reader: Reader::new(out), blocks: Blocks::of(&lines), lines: &lines, calls: Vec::new() };
     flow.run()?;
     flow.reader.finished()
+}
+
+/// The lines of a file, without the mark of Unicode in front and spaces around each. Where none ends by a line feed, carriage
+/// returns end them.
+fn lines_of(bytes: &[u8]) -> Vec<&[u8]> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+    bytes.split(|byte| *byte == end).map(<[u8]>::trim_ascii).collect()
 }
 
 /// A word O at the begin of a line.

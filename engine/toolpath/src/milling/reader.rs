@@ -42,6 +42,8 @@ pub(super) struct Reader<'a> {
     pub(super) normal: usize,
     /// mm in the unit of the program.
     pub(super) unit: f64,
+    /// Comments before G20 or G21: they name tools in the unit that is still to be told.
+    before_unit: Option<Vec<String>>,
     relative: bool,
     /// Centres of arcs are given as positions.
     absolute_centres: bool,
@@ -86,6 +88,7 @@ impl<'a> Reader<'a> {
             motion: None,
             normal: 2,
             unit: 1.0,
+            before_unit: Some(Vec::new()),
             relative: false,
             absolute_centres: false,
             at: [None; 3],
@@ -137,6 +140,12 @@ impl<'a> Reader<'a> {
                 b'M' => machine.push((value as i64, text)),
                 // Block numbers, speeds, program names.
                 b'N' | b'S' | b'F' | b'O' => {}
+                // No word of mills: the exponent of a number, or the filament of a printer.
+                b'E' => {
+                    let what = "is no word of milling programs, and numbers have no exponents without a sign";
+                    let remedy = "write numbers without exponents; toolpaths of printers are for `build`";
+                    return Err(self.out.refused(text, what, remedy));
+                }
                 _ => {
                     if values.0.insert(letter, value).is_some() {
                         return Err(self.out.fault(text, "stands twice in the line"));
@@ -151,9 +160,28 @@ impl<'a> Reader<'a> {
         let text = String::from_utf8_lossy(line);
         let parts = text.split('(').skip(1).filter_map(|part| part.split(')').next());
         for comment in parts.chain(text.split_once(';').map(|(_, comment)| comment)) {
-            if let Some((number, tool)) = Tool::of_comment(comment, self.unit) {
-                self.out.named.insert(number, tool);
+            if self.name_tool(comment)
+                && let Some(before) = &mut self.before_unit
+            {
+                before.push(comment.to_owned());
             }
+        }
+    }
+
+    /// Keeps the tool that a comment names; false if it names none.
+    fn name_tool(&mut self, comment: &str) -> bool {
+        let named = Tool::of_comment(comment, self.unit);
+        if let Some((number, tool)) = named {
+            self.out.named.insert(number, tool);
+        }
+        named.is_some()
+    }
+
+    /// G20 or G21, which counts for the list of tools in front of it, too.
+    fn set_unit(&mut self, unit: f64) {
+        self.unit = unit;
+        for comment in self.before_unit.take().unwrap_or_default() {
+            self.name_tool(&comment);
         }
     }
 
@@ -185,8 +213,8 @@ impl<'a> Reader<'a> {
                 170 => self.normal = 2,
                 180 => self.normal = 1,
                 190 => self.normal = 0,
-                200 => self.unit = 25.4,
-                210 => self.unit = 1.0,
+                200 => self.set_unit(25.4),
+                210 => self.set_unit(1.0),
                 900 => self.relative = false,
                 910 => self.relative = true,
                 901 => self.absolute_centres = true,

@@ -86,6 +86,15 @@ fn cycles_drill_hole_by_hole() {
         .filter(|_| true)
         .collect::<Vec<_>>()
     );
+    // Taps and boring bars sweep what drills do.
+    let drilled = ends("G0 X0 Y0 Z10\nG99 G81 X5 Y5 Z-3 R1 F50\nX8\n");
+    for code in ["G73", "G74", "G82", "G83", "G84", "G85", "G86", "G88", "G89"] {
+        assert_eq!(
+            ends(&format!("G0 X0 Y0 Z10\nG99 {code} X5 Y5 Z-3 R1 P0.5 Q1 F50\nX8\n")),
+            drilled,
+            "{code}"
+        );
+    }
     // Relative, back to the start, twice.
     assert_eq!(
         ends("G0 X0 Y0 Z10\nG91 G98 G83 X1 Z-4 R-8 Q1 L2\n"),
@@ -123,6 +132,43 @@ fn tools_come_from_options_and_comments() {
         "chamfer:0.5in,60deg,1mm,length=3cm".parse::<Tool>().unwrap().to_string(),
         "chamfer:12.7mm,60deg,1mm,length=30mm"
     );
+}
+
+#[test]
+fn tools_named_in_front_of_the_unit_are_in_that_unit() {
+    let program = |text: &str| {
+        let text = format!("{text}T1 M6\nG0 X0 Y0 Z0\nX1\n");
+        read_text(&text).unwrap().tools[0].1.to_string()
+    };
+    let named = "(T1 D=0.25 CR=0. - flat end mill)\n";
+    assert_eq!(program(&format!("%\nO1 (PART)\n{named}G90 G17\nG20\n")), "flat:6.35mm");
+    assert_eq!(program(&format!("{named}G21\n")), "flat:0.25mm");
+    assert_eq!(program(named), "flat:0.25mm");
+    // Behind it they are in the unit that counts there, whatever stands later.
+    assert_eq!(program(&format!("G20\n{named}G21\n")), "flat:6.35mm");
+    assert_eq!(program(&format!("G20 {named}")), "flat:6.35mm");
+}
+
+#[test]
+fn lines_end_by_what_editors_write() {
+    let text = "G21\nG0 X0 Y0 Z5\nG1 Z-1\nX10\n";
+    for other in [
+        text.replace('\n', "\r\n"),
+        text.replace('\n', "\r"),
+        format!("\u{feff}{text}"),
+        text.replace('\n', "\r\r\n"),
+    ] {
+        assert_eq!(ends(&other), ends(text), "{other:?}");
+    }
+}
+
+#[test]
+fn exponents_and_filament_are_no_words_of_mills() {
+    assert_eq!(ends("G0 X0 Y0 Z0\nX1.5e+01\nX1.2E-05 Y0\n"), ["R[15.0, 0.0, 0.0]", "R[0.0, 0.0, 0.0]"]);
+    for line in ["X1.5E01", "X1e999", "X30 E0.4"] {
+        let error = read_text(&format!("G0 X0 Y0 Z0\nG1 {line}\n")).unwrap_err().to_string();
+        assert!(error.contains("line 2") && error.contains("no word of milling programs"), "{error}");
+    }
 }
 
 #[test]

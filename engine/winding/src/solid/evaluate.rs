@@ -29,6 +29,8 @@ pub struct SolidEvaluator {
     /// Samples of the pass at hand, by row; all zero between passes.
     pass: Vec<u64>,
     /// What the next pass, by its number, has in common with the one at hand at their joint: rows, and samples as bits.
+    next_joint: (u32, Vec<(u16, u64)>),
+    /// The same of the pass at hand and the one before.
     joint: (u32, Vec<(u16, u64)>),
     /// Rows that the pass at hand meets.
     touched: Vec<u16>,
@@ -74,10 +76,11 @@ impl SolidEvaluator {
                 self.fill(solids, lattice, list.get(position), position);
             }
             let number = pass.first().map_or(0, |&position| list.get(position).pass);
-            self.take_joint(number);
+            // Of all that the pass covers: what its own joint takes off it may belong to the next one's, too.
             if let Some(joint) = number.checked_add(1).and_then(|next| solids.joint(next)) {
                 self.keep_joint(solids, lattice, joint);
             }
+            self.take_joint(number);
             fits &= self.count();
         }
         self.order = order;
@@ -102,21 +105,23 @@ impl SolidEvaluator {
 
     /// Keeps what the pass at hand has in common with the round end where the next one begins.
     fn keep_joint(&mut self, solids: &Solids, lattice: BrickLattice, joint: &Segment) {
-        self.joint.0 = joint.pass;
+        self.next_joint.0 = joint.pass;
         for_rows(solids, lattice, joint, |row, interval| {
             if let Some((first, end)) = samples_of(lattice, joint, interval) {
                 let mask = (1u64 << end) - (1 << first);
-                self.joint.1.push((row as u16, mask & self.pass[row]));
+                self.next_joint.1.push((row as u16, mask & self.pass[row]));
             }
         });
     }
 
-    /// Takes off the pass at hand what it has in common with the one before at their joint.
+    /// Takes off the pass at hand what it has in common with the one before at their joint; what was kept for the next pass
+    /// takes that place.
     fn take_joint(&mut self, pass: u32) {
         let of_pass = self.joint.0 == pass;
         for (row, mask) in self.joint.1.drain(..).filter(|_| of_pass) {
             self.pass[usize::from(row)] &= !mask;
         }
+        std::mem::swap(&mut self.joint, &mut self.next_joint);
     }
 
     /// The rule that decides every sample: inside from the first end of its row's interval, itself included,
