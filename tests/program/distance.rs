@@ -236,6 +236,8 @@ fn a_shrunk_box_is_sharp_and_a_grown_one_round() {
     let inner: usize = sides.sum();
     assert!(inner > found.len() / 5 && inner < found.len() / 2);
     let nothing = run(&[&"offset", &part, &"--by", &"-3mm", &"-o", &dir.path("n.brf"), &"-q"]).failed();
+    let far = run(&[&"offset", &part, &"--by", &"1000mm", &"-o", &dir.path("n.brf"), &"-q"]).failed();
+    assert!(far.contains("more than the diagonal of the part") && !dir.path("n.brf").exists(), "{far}");
     assert!(nothing.contains("nothing is left of the part"), "{nothing}");
     assert!(!dir.path("n.brf").exists() && dir.names().iter().all(|name| !name.ends_with(".part")));
 }

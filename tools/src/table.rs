@@ -174,7 +174,9 @@ pub fn to_place(value: f64, step: f64) -> Value {
     }
     let place = step.log10().floor() as i32;
     let power = 10f64.powi(place.abs());
-    json!(if place < 0 { (value * power).round() / power } else { (value / power).round() * power })
+    let rounded = if place < 0 { (value * power).round() / power } else { (value / power).round() * power };
+    // Without the sign of a 0.
+    json!(rounded + 0.0)
 }
 
 /// A number with six digits.

@@ -242,19 +242,13 @@ pub(super) fn open_reference(
     Ok(OpenReference::Mesh(Box::new(triangles)))
 }
 
-/// A number rounded to a step, without the sign of zero.
-fn told(value: f64, step: f64) -> Value {
-    let told = to_place(value, step);
-    if told.as_f64() == Some(0.0) { json!(0.0) } else { told }
-}
-
 fn sizes([low, high]: [[f64; 3]; 2]) -> [f64; 3] {
     std::array::from_fn(|a| high[a] - low[a])
 }
 
 /// A box, for people.
 fn box_text([low, high]: [[f64; 3]; 2]) -> String {
-    let point = |p: [f64; 3]| p.map(|c| format!("{c:.3}")).join(", ");
+    let point = |p: [f64; 3]| p.map(|c| format!("{:.3}", (c * 1e3).round() / 1e3 + 0.0)).join(", ");
     format!("({}) to ({})", point(low), point(high))
 }
 
@@ -306,7 +300,7 @@ fn tell_shift(args: &DeviationArgs, part: [[f64; 3]; 2], reference: [[f64; 3]; 2
 }
 
 fn spread(spread: &Spread, cell: f64) -> Value {
-    let length = |value: f64| told(value, cell / 1e4);
+    let length = |value: f64| to_place(value, cell / 1e4);
     let by_share = |shares: &[f64], values: &[f64]| -> serde_json::Map<String, Value> {
         shares.iter().zip(values).map(|(share, &value)| (share.to_string(), length(value))).collect()
     };
@@ -324,7 +318,7 @@ fn spread(spread: &Spread, cell: f64) -> Value {
 
 fn table(store: &Store, sides: &[Vec<Region>; 2], cell: f64) -> Result<Table<'static>, Failure> {
     let layers = layers_of(store, &sides.iter().flatten().collect::<Vec<_>>())?;
-    let length = |value: f64| told(value, cell / 1000.0);
+    let length = |value: f64| to_place(value, cell / 1000.0);
     let mut rows = Vec::new();
     for (side, regions) in ["over", "under"].into_iter().zip(sides) {
         for region in regions {
@@ -353,7 +347,7 @@ fn summary(
 ) -> String {
     let unit = unit_of(store.meta());
     let cell = store.root().spacing(store.meta().depth);
-    let length = |value: f64| told(value, cell / 1000.0);
+    let length = |value: f64| to_place(value, cell / 1000.0);
     let line = |spread: &Spread| {
         format!(
             "{} to {} {unit}, rms {}, 95 % within ±{}, 98 % within {} to {}",

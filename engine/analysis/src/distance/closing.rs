@@ -66,8 +66,7 @@ pub fn close(
 /// Refuses a ball wider than the part: what it cannot enter is nearly the part's convex hull, and the part grown by it has a
 /// surface whose area goes with the square of the diameter.
 fn require_shorter_than_the_part(surface: &Surface, diameter: f64) -> Result<()> {
-    let Some([low, high]) = surface.bounds() else { return Ok(()) };
-    let diagonal = (0..3).map(|a| (high[a] - low[a]).powi(2)).sum::<f64>().sqrt();
+    let diagonal = surface.diagonal();
     if diameter <= diagonal {
         return Ok(());
     }

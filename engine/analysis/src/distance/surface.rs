@@ -8,7 +8,7 @@ use super::questions::{Ball, NearestQuery, NormalAround, OfPiece, PatchQuestion,
 use super::spilled::Spilled;
 use crate::contour::{Bend, edge_facets};
 use crate::error::{Error, Result};
-use crate::lattice::{NodeKey, RootCube, spacing_bits};
+use crate::lattice::{NodeKey, RootCube, length, minus, spacing_bits};
 use crate::progress::Progress;
 use crate::store::{BrickTree, MovedTree};
 use std::path::Path;
@@ -105,6 +105,12 @@ impl Surface {
     pub fn bounds(&self) -> Option<[[f64; 3]; 2]> {
         let ends = self.boxes.whole().map(|end| self.to_world(end.map(f64::from)));
         (!self.keys.is_empty()).then_some(ends)
+    }
+
+    /// The diagonal of that box; 0 if there is none.
+    pub(super) fn diagonal(&self) -> f64 {
+        let [low, high] = self.bounds().unwrap_or_default();
+        length(minus(high, low))
     }
 
     /// Calls `each` with a piece.
