@@ -226,7 +226,10 @@ def compare(program, source, depth, distance, groups, name, judged=1000):
             continue
         some = np.random.default_rng(1).permutation(len(a))[:judged]
         value = lambda places: program.winding(source, places, "--brute") - 0.5
-        true = root_of(value, a[some], b[some], first[chosen][some] - 0.5, last[chosen][some] - 0.5)
+        at_low, at_high = value(a[some]), value(b[some])
+        changes = at_low * at_high < 0  # a sample may be rounded to 0.5 itself, or past it
+        some, at_low, at_high = some[changes], at_low[changes], at_high[changes]
+        true = root_of(value, a[some], b[some], at_low, at_high)
         own.append((f"{name}, {label}", depth, step, len(some), (r[some] - true) * step, (l[some] - true) * step))
     return truth, own
 
