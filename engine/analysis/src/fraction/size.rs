@@ -33,6 +33,8 @@ const TOLERABLE_OFF: f64 = 1e-2;
 const TRIES: usize = 9;
 /// A tolerance of so many cells moves nothing: it merges what is flat.
 const NOTHING: f64 = 1e-6;
+/// Fractions that would only make the number right may take so many bytes.
+const OPTIONAL_BYTES: u64 = 256 << 20;
 /// Finer lattices that are tried at most where a tolerance of nothing takes too much.
 const FINER: usize = 6;
 
@@ -183,8 +185,8 @@ fn finer(
         if factor == 0 || !found.is_flat() {
             break;
         }
-        let memory = request.memory.saturating_sub(found.lattice.bytes());
-        let lattice = fitting(fractions(tree, &[factor], memory, progress))?;
+        let available = request.memory.saturating_sub(found.lattice.bytes());
+        let lattice = optional(available, |bytes| fractions(tree, &[factor], bytes, progress))?;
         let Some(lattice) = lattice.and_then(|mut lattices| lattices.pop()) else { break };
         match fitted(lattice, request, (MOST_TOLERANCE, &mut u64::MAX.clone()), progress)? {
             // Where the volume is kept as well, smaller cells are nearer.
@@ -211,20 +213,20 @@ fn better_sampled(
     request: &DetailRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<SizedMesh> {
-    let memory = request.memory.saturating_sub(found.lattice.bytes());
-    let Some(lattice) = fitting(fine_fractions(tree, cells, memory, progress))? else {
+    let available = request.memory.saturating_sub(found.lattice.bytes());
+    let Some(lattice) = optional(available, |bytes| fine_fractions(tree, cells, bytes, progress))? else {
         return Ok(found);
     };
     let next = fitted(lattice, request, (MOST_TOLERANCE, &mut u64::MAX.clone()), progress)?;
     Ok(next.filter(|next| next.fit(request) > found.fit(request)).unwrap_or(found))
 }
 
-/// What was made, if it fits the memory.
-fn fitting<T>(made: Result<T>) -> Result<Option<T>> {
-    match made {
-        Ok(made) => Ok(Some(made)),
-        Err(Error::Setting { .. }) => Ok(None),
-        Err(error) => Err(error),
+/// What `make` makes within so many bytes; `None` if that takes more than what is not needed may take. Whether it does must not
+/// depend on the memory, so less than that is refused.
+fn optional<T>(available: u64, make: impl FnOnce(u64) -> Result<T>) -> Result<Option<T>> {
+    match make(available.min(OPTIONAL_BYTES)) {
+        Err(Error::Setting { .. }) if available >= OPTIONAL_BYTES => Ok(None),
+        made => made.map(Some),
     }
 }
 
