@@ -248,8 +248,12 @@ fn sizes([low, high]: [[f64; 3]; 2]) -> [f64; 3] {
 
 /// A box, for people.
 fn box_text([low, high]: [[f64; 3]; 2]) -> String {
-    let point = |p: [f64; 3]| p.map(|c| format!("{:.3}", (c * 1e3).round() / 1e3 + 0.0)).join(", ");
-    format!("({}) to ({})", point(low), point(high))
+    format!("{} to {}", point_text(low), point_text(high))
+}
+
+/// Three coordinates, for people, without the sign of a 0.
+fn point_text(p: [f64; 3]) -> String {
+    format!("({})", p.map(|c| format!("{:.3}", (c * 1e3).round() / 1e3 + 0.0)).join(", "))
 }
 
 /// Refuses a reference in another unit, and one elsewhere that is not to be aligned.
@@ -292,9 +296,9 @@ fn tell_shift(args: &DeviationArgs, part: [[f64; 3]; 2], reference: [[f64; 3]; 2
     let is_alike = (0..3).all(|a| (own[a] - others[a]).abs() < SHIFTED * size);
     let is_shifted = shift.iter().any(|s| s.abs() > SHIFTED * size);
     if is_alike && is_shifted && args.align == AlignArg::None && !args.work.quiet {
-        let [x, y, z] = shift.map(|s| format!("{:.3}", (s * 1e3).round() / 1e3 + 0.0));
+        let shift = point_text(shift);
         note(&format!(
-            "the boxes have one size and differ by a shift of ({x}, {y}, {z}) {unit}; --align shift takes it away"
+            "the boxes have one size and differ by a shift of {shift} {unit}; --align shift takes it away"
         ));
     }
 }

@@ -97,6 +97,9 @@ pub fn find_chosen(
             return Ok((made, chosen));
         }
         if made.is_flat() || is_all {
+            if ask == best_ask {
+                return Ok((made, chosen));
+            }
             break;
         }
         last = all;

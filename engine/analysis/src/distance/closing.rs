@@ -51,7 +51,8 @@ pub fn close(
     let (radius, folder) = (0.5 * diameter, directory_of(output));
     {
         let surface = Surface::new(store, memory / 2, folder, progress)?;
-        require_shorter_than_the_part(&surface, diameter)?;
+        // What a wider ball cannot enter is nearly the part's convex hull.
+        surface.require_within_diagonal("closing by", diameter, "choose a shorter length (`close`)")?;
         offset(store, &surface, Solid::Offset(radius), grown.path(), progress)?;
     }
     let grown_store = Store::open(grown.path(), memory / 4)?;
@@ -61,17 +62,6 @@ pub fn close(
     let mut writer = StoreWriter::create(output, &meta)?;
     write_divided(&field, &mut writer, memory / 8, ("closing", progress))?;
     writer.finish(meta)
-}
-
-/// Refuses a ball wider than the part: what it cannot enter is nearly the part's convex hull, and the part grown by it has a
-/// surface whose area goes with the square of the diameter.
-fn require_shorter_than_the_part(surface: &Surface, diameter: f64) -> Result<()> {
-    let diagonal = surface.diagonal();
-    if diameter <= diagonal {
-        return Ok(());
-    }
-    let what = format!("closing by {diameter} is more than the diagonal of the part, {diagonal:.6}");
-    Err(Error::setting(what, "choose a shorter length (`close`)"))
 }
 
 /// Refuses a store with a surface in leaves above the deepest level: these have no samples of it.

@@ -115,12 +115,8 @@ impl<'a> OffsetField<'a> {
     pub(super) fn of(tree: &'a dyn BrickTree, surface: &'a Surface, solid: Solid) -> Result<OffsetField<'a>> {
         surface.require_any()?;
         let length = solid.length();
-        // Its surface grows with the square of the length, and is that of a ball soon.
-        let diagonal = surface.diagonal();
-        if solid.beyond() > 0.0 && length > diagonal {
-            let what =
-                format!("{} {length} is more than the diagonal of the part, {diagonal:.6}", solid.name());
-            return Err(Error::setting(what, "choose a shorter length"));
+        if solid.beyond() > 0.0 {
+            surface.require_within_diagonal(solid.name(), length, "choose a shorter length")?;
         }
         let depth = tree.deepest_level();
         let mut grown = OffsetField {

@@ -107,10 +107,16 @@ impl Surface {
         (!self.keys.is_empty()).then_some(ends)
     }
 
-    /// The diagonal of that box; 0 if there is none.
-    pub(super) fn diagonal(&self) -> f64 {
-        let [low, high] = self.bounds().unwrap_or_default();
-        length(minus(high, low))
+    /// Refuses a length above the diagonal of that box: what grows by it has a surface whose area goes with its square, and which
+    /// is soon that of a ball. `what` is done by the length.
+    pub(super) fn require_within_diagonal(&self, what: &str, by: f64, remedy: &str) -> Result<()> {
+        let Some([low, high]) = self.bounds() else { return Ok(()) };
+        let diagonal = length(minus(high, low));
+        if by <= diagonal {
+            return Ok(());
+        }
+        let what = format!("{what} {by} is more than the diagonal of the part, {diagonal:.6}");
+        Err(Error::setting(what, remedy))
     }
 
     /// Calls `each` with a piece.

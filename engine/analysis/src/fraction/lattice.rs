@@ -40,7 +40,7 @@ pub(super) enum CoarseBrick {
 /// A fraction is the mean over a tent: it weighs what is at the sample most, and what is a coarse cell away along any axis
 /// not at all. The sum of all is the solid's volume.
 pub struct Lattice {
-    /// How many of the finest cells an axis are one coarse cell.
+    /// How many of the finest cells an axis lie between two samples.
     factor: u32,
     /// The coarse lattice as the root of a tree.
     root: RootCube,
@@ -276,7 +276,7 @@ impl Lattice {
     }
 
     /// Adds what a leaf adds.
-    fn add(&mut self, block: &SumBox, (finest, factor): (u8, u32)) {
+    fn add(&mut self, block: &SumBox, finest: u8) {
         let first = block.first.map(|c| c + self.before);
         let last: [i64; 3] = std::array::from_fn(|a| first[a] + block.size[a] as i64 - 1);
         let bricks = |a: usize| first[a] >> 5..=last[a] >> 5;
@@ -288,7 +288,7 @@ impl Lattice {
             if part.peek().is_none() {
                 continue;
             }
-            let done = last_leaf(key, self.before, (finest, factor));
+            let done = last_leaf(key, self.before, (finest, self.factor));
             let open = &mut self.open;
             let brick = self.bricks.entry(key).or_insert_with(|| {
                 open.insert((done, key));
@@ -393,7 +393,7 @@ pub fn fractions(
     let finest = tree.deepest_level();
     let new = |&factor: &u32| Lattice::new(tree, finest, factor, 1);
     let mut lattices = factors.iter().map(new).collect::<Result<Vec<_>>>()?;
-    fill(&mut lattices, (tree, factors), memory, progress)?;
+    fill(&mut lattices, tree, memory, progress)?;
     Ok(lattices)
 }
 
@@ -408,27 +408,22 @@ pub fn fine_fractions(
     memory: u64,
     progress: &dyn Progress,
 ) -> Result<Lattice> {
-    let factor = factor / samples;
-    let mut lattices = [Lattice::new(tree, tree.deepest_level(), factor, samples)?];
+    let mut lattices = [Lattice::new(tree, tree.deepest_level(), factor / samples, samples)?];
     // Those of narrow tents and those of wide ones are held together.
-    fill(&mut lattices, (tree, &[factor]), memory / 2, progress)?;
+    fill(&mut lattices, tree, memory / 2, progress)?;
     let [lattice] = lattices;
     Ok(lattice.widened(samples))
 }
 
 /// Sums up what the leaves add.
-fn fill(
-    lattices: &mut [Lattice],
-    (tree, factors): (&dyn BrickTree, &[u32]),
-    memory: u64,
-    progress: &dyn Progress,
-) -> Result<()> {
+fn fill(lattices: &mut [Lattice], tree: &dyn BrickTree, memory: u64, progress: &dyn Progress) -> Result<()> {
     let finest = tree.deepest_level();
     let order = LeafOrder::new(tree)?;
     progress.phase("fractions", Some(order.keys().len() as u64), "bricks");
     // What comes after is ignored, so it does not matter which threads have seen it.
     let rounded: Vec<AtomicBool> =
         lattices.iter().map(|lattice| AtomicBool::new(lattice.is_rounded)).collect();
+    let factors: &[u32] = &lattices.iter().map(|lattice| lattice.factor).collect::<Vec<u32>>();
     let base = base_of(factors);
     let make = |leaf: &Leaf<'_>| {
         let of = |(&factor, rounded): (&u32, &AtomicBool)| {
@@ -447,7 +442,7 @@ fn fill(
             if !lattice.is_rounded {
                 sharp::add(planes, &mut lattice.open_sharp);
             }
-            block.iter().for_each(|block| lattice.add(block, (finest, factors[n])));
+            block.iter().for_each(|block| lattice.add(block, finest));
             lattice.complete(code);
             // Planes that do not agree within cells do so even less within larger ones, which have fewer samples to tell.
             if is_hopeless && !lattice.is_rounded {

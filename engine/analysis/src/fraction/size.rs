@@ -87,6 +87,27 @@ enum Fit {
     Both(u64),
 }
 
+/// The fewest triangles that were seen.
+struct Fewest {
+    triangles: u64,
+    /// The factor of the lattice that they are of.
+    factor: u32,
+}
+
+impl Fewest {
+    /// None yet.
+    fn none() -> Fewest {
+        Fewest { triangles: u64::MAX, factor: 0 }
+    }
+
+    /// No triangles are no surface.
+    fn note(&mut self, triangles: u64, lattice: &Lattice) {
+        if triangles > 0 && triangles < self.triangles {
+            *self = Fewest { triangles, factor: lattice.factor() };
+        }
+    }
+}
+
 /// What is asked for.
 #[derive(Clone, Copy)]
 pub struct DetailRequest<'a> {
@@ -137,14 +158,10 @@ pub fn of_triangles(
 fn coarsest(tree: &dyn BrickTree, request: &DetailRequest<'_>, progress: &dyn Progress) -> Result<SizedMesh> {
     let (mut lattice, mut larger) = first_lattice(tree, request, progress)?;
     let mut best: Option<SizedMesh> = None;
-    // The fewest triangles of any, and the factor of that lattice.
-    let (mut least, mut of_least) = (u64::MAX, 0);
+    let mut fewest = Fewest::none();
     loop {
-        let (whole, before) = (lattice.factor(), least);
-        let factor = f64::from(whole);
-        let found = fitted(lattice, request, (MOST_TOLERANCE, &mut least), progress)?;
-        of_least = if least < before { whole } else { of_least };
-        if let Some(found) = found {
+        let factor = f64::from(lattice.factor());
+        if let Some(found) = fitted(lattice, request, (MOST_TOLERANCE, &mut fewest), progress)? {
             let fit = found.fit(request);
             if best.as_ref().is_none_or(|best| fit > best.fit(request)) {
                 best = Some(found);
@@ -165,12 +182,12 @@ fn coarsest(tree: &dyn BrickTree, request: &DetailRequest<'_>, progress: &dyn Pr
             None => break,
         };
     }
-    if best.is_none() && of_least > 0 {
-        let lattice = fractions(tree, &[of_least], request.memory, progress)?.pop();
+    if best.is_none() && fewest.factor > 0 {
+        let lattice = fractions(tree, &[fewest.factor], request.memory, progress)?.pop();
         let lattice = lattice.expect("one factor gives one lattice");
-        best = fitted(lattice, request, (LAST_TOLERANCE, &mut least), progress)?;
+        best = fitted(lattice, request, (LAST_TOLERANCE, &mut fewest), progress)?;
     }
-    best.ok_or_else(|| too_few(request.most, least))
+    best.ok_or_else(|| too_few(request.most, &fewest))
 }
 
 /// The mesh of the finest lattice whose triangles a tolerance brings down to those asked for, or `found` if there is none finer.
@@ -188,7 +205,7 @@ fn finer(
         let available = request.memory.saturating_sub(found.lattice.bytes());
         let lattice = optional(available, |bytes| fractions(tree, &[factor], bytes, progress))?;
         let Some(lattice) = lattice.and_then(|mut lattices| lattices.pop()) else { break };
-        match fitted(lattice, request, (MOST_TOLERANCE, &mut u64::MAX.clone()), progress)? {
+        match fitted(lattice, request, (MOST_TOLERANCE, &mut Fewest::none()), progress)? {
             // Where the volume is kept as well, smaller cells are nearer.
             Some(next) if next.off(request) <= found.off(request).max(MOST_OFF) => found = next,
             _ => break,
@@ -217,7 +234,7 @@ fn better_sampled(
     let Some(lattice) = optional(available, |bytes| fine_fractions(tree, cells, bytes, progress))? else {
         return Ok(found);
     };
-    let next = fitted(lattice, request, (MOST_TOLERANCE, &mut u64::MAX.clone()), progress)?;
+    let next = fitted(lattice, request, (MOST_TOLERANCE, &mut Fewest::none()), progress)?;
     Ok(next.filter(|next| next.fit(request) > found.fit(request)).unwrap_or(found))
 }
 
@@ -230,13 +247,13 @@ fn optional<T>(available: u64, make: impl FnOnce(u64) -> Result<T>) -> Result<Op
     }
 }
 
-fn too_few(most: u64, least: u64) -> Error {
-    if least == u64::MAX {
+fn too_few(most: u64, fewest: &Fewest) -> Error {
+    if fewest.factor == 0 {
         return Error::setting("no cells leave anything of the part", "build it with finer cells");
     }
     Error::setting(
         format!("no mesh of this part with {most} triangles is known"),
-        format!("ask for {least} at least, which is the fewest that was found"),
+        format!("ask for {} at least, which is the fewest that was found", fewest.triangles),
     )
 }
 
@@ -316,15 +333,14 @@ fn most_factor(tree: &dyn BrickTree) -> f64 {
 fn fitted(
     lattice: Lattice,
     request: &DetailRequest<'_>,
-    (most_tolerance, least): (f64, &mut u64),
+    (most_tolerance, fewest): (f64, &mut Fewest),
     progress: &dyn Progress,
 ) -> Result<Option<SizedMesh>> {
     let volume = request.volume.unwrap_or(lattice.volume());
     let mut options = ContourOptions { tolerance: 0.0, ..request.options.clone() };
     let kept = keep_volume(&lattice, volume, None, &options, progress)?;
     let most = request.most as f64;
-    let mut note = |triangles: u64| *least = (*least).min(if triangles > 0 { triangles } else { u64::MAX });
-    note(kept.summary.triangles);
+    fewest.note(kept.summary.triangles, &lattice);
     if kept.summary.triangles == 0 {
         return Ok(None);
     }
@@ -339,7 +355,7 @@ fn fitted(
         // Few merges are taken back because triangles meet.
         let quick = ContourOptions { intersection_free: false, ..options.clone() };
         let triangles = measure(&tree, &quick, progress)?.triangles;
-        note(triangles);
+        fewest.note(triangles, &lattice);
         let share = triangles as f64 / most;
         if (LEAST_SHARE + 0.005..=AIM + 0.02).contains(&share) {
             break;

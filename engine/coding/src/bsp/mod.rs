@@ -14,6 +14,7 @@ mod unit;
 
 pub use cells::{Cell, Cells, Clip, NodeCells, Splat, SplatInput, NODE_SIDE, PAIRS, SPLATS_MAX};
 pub use directions::{Directions, ONE};
+pub(crate) use header::array;
 pub use header::{crc32, Entry, Fault, Header, Level, ENTRY_BYTES, HEADER_BYTES, LEVELS_MAX, MAGIC, VERSION};
 pub use model::Model;
 pub use tree::{root, SplatTree};

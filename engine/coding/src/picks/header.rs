@@ -1,7 +1,7 @@
 //! Header and directory of a table of beads.
 
 use super::segment::{PickOutline, Steps};
-use crate::bsp::{crc32, Fault};
+use crate::bsp::{array, crc32, Fault};
 
 /// First bytes of a file.
 pub const PICK_MAGIC: [u8; 8] = *b"\x89BPK\r\n\x1a\n";
@@ -60,6 +60,23 @@ pub struct PickBlock {
 }
 
 impl PickHeader {
+    /// One that says nothing of a table's parts and of splats yet.
+    pub fn new(origin: [f64; 3], steps: Steps, outline: PickOutline, by_segment: bool) -> PickHeader {
+        PickHeader {
+            origin,
+            steps,
+            outline,
+            by_segment,
+            features: 0,
+            sources: 0,
+            name_bytes: 0,
+            blocks: 0,
+            crc: 0,
+            segments: 0,
+            part: 0,
+        }
+    }
+
     /// The header's bytes.
     pub fn to_bytes(&self) -> [u8; PICK_HEADER_BYTES] {
         let mut out = Vec::with_capacity(PICK_HEADER_BYTES);
@@ -176,10 +193,4 @@ impl PickBlock {
 
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(array(bytes, at))
-}
-
-fn array<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
-    let mut out = [0; N];
-    out.copy_from_slice(&bytes[at..at + N]);
-    out
 }

@@ -42,19 +42,7 @@ fn kept(segments: &[PickSegment], by_segment: bool) -> Vec<PickSegment> {
 fn header(by_segment: bool, outline: PickOutline) -> PickHeader {
     let steps = Steps { across: 0.01, up: 0.0025 };
     let origin = [5.0, -7.0, 0.5];
-    PickHeader {
-        origin,
-        steps,
-        outline,
-        by_segment,
-        features: 0,
-        sources: 0,
-        name_bytes: 0,
-        blocks: 0,
-        crc: 0,
-        segments: 0,
-        part: 77,
-    }
+    PickHeader { part: 77, ..PickHeader::new(origin, steps, outline, by_segment) }
 }
 
 fn table(segments: &[PickSegment], by_segment: bool, outline: PickOutline, at_once: usize) -> Vec<u8> {

@@ -75,22 +75,20 @@ pub fn write_page_folder(
     if !folder.is_dir() {
         std::fs::create_dir(folder).map_err(Error::io(folder, "make the folder"))?;
     }
+    // A folder that cannot be written to is told before the work.
+    let mut file = PartFile::create(&folder.join(PART))?;
     let (splats, summary) = bsp_bytes(levels, unit, bounds, progress)?;
     let table = beads.map(|beads| beads.bytes(&splats));
-    write_file(&folder.join(PART), &splats)?;
+    file.append(&splats)?;
+    file.finish()?;
     if let Some(table) = &table {
-        write_file(&folder.join(PICKS), table)?;
+        let mut file = PartFile::create(&folder.join(PICKS))?;
+        file.append(table)?;
+        file.finish()?;
     }
     let page = write_viewer(PageData::Beside { has_beads: table.is_some() }, &folder.join(INDEX))?;
     let beads = table.map_or(0, |table| table.len() as u64);
     Ok((PageBytes { all: page + summary.bytes + beads, beads }, summary))
-}
-
-/// A file that gets its name when it is complete.
-fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut file = PartFile::create(path)?;
-    file.append(bytes)?;
-    file.finish()
 }
 
 /// A page with the data in it, or without.

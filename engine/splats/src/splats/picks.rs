@@ -108,19 +108,9 @@ fn header(store: &Store, tables: &BeadTables) -> Result<PickHeader> {
     let least = sizes.fold(f64::INFINITY, f64::min).min(f64::from(1u32 << 24));
     let [across, up] =
         STEPS.map(|steps| store.root().unit() * f64::from(1u32 << (least / steps).max(1.0).log2() as u32));
-    Ok(PickHeader {
-        origin: store.root().to_world([0.0; 3]),
-        steps: Steps { across, up },
-        outline,
-        by_segment: tables.count() == Count::Passes,
-        features: 0,
-        sources: 0,
-        name_bytes: 0,
-        blocks: 0,
-        crc: 0,
-        segments: 0,
-        part: 0,
-    })
+    let origin = store.root().to_world([0.0; 3]);
+    let by_segment = tables.count() == Count::Passes;
+    Ok(PickHeader::new(origin, Steps { across, up }, outline, by_segment))
 }
 
 /// All segments, in no order; some may come twice.
