@@ -1,4 +1,4 @@
-//! Canned cycles of drilling, tapping and boring: G73, G74, G81 to G86, G88, G89.
+//! Canned cycles of drilling, tapping and boring: G73, G74, G76, G81 to G86, G88, G89.
 
 /// The words of a cycle that hold from hole to hole.
 #[derive(Clone, Copy, Debug, Default)]
@@ -16,6 +16,6 @@ pub(super) struct Cycle {
 impl Cycle {
     /// Whether a code begins a cycle that ends where it retracts.
     pub fn begins(code: i64) -> bool {
-        matches!(code, 730 | 740 | 810 | 820 | 830 | 840 | 850 | 860 | 880 | 890)
+        matches!(code, 730 | 740 | 760 | 810 | 820 | 830 | 840 | 850 | 860 | 880 | 890)
     }
 }

@@ -12,11 +12,13 @@ mod compensation;
 mod compensation_tests;
 mod contour;
 mod cycle;
+mod frame;
 mod moves;
 mod program;
 #[cfg(test)]
 mod program_tests;
 mod reader;
+mod rotation;
 #[cfg(test)]
 mod tests;
 mod tool;

@@ -1,7 +1,7 @@
 //! A program line by line: where subprograms lead, and where it ends.
 //!
-//! Two forms are followed. A file may hold several programs, each behind its O number: M98 P… L… calls one, and M99 returns.
-//! And LinuxCNC has `o100 sub`, `o100 endsub`, `o100 return` and `o100 call`. Neither takes variables: loops and conditions
+//! Three forms are followed. A file may hold several programs, each behind its O number: M98 P… L… calls one, and M99 returns.
+//! M97 P… L… calls what begins at the block with this number, N…, and M99 returns from there, too. And LinuxCNC has `o100 sub`, `o100 endsub`, `o100 return` and `o100 call`. None takes variables: loops and conditions
 //! are refused.
 
 use super::apt;
@@ -85,12 +85,18 @@ struct Blocks {
     programs: BTreeMap<usize, String>,
     /// What M98 calls.
     called: BTreeSet<String>,
+    /// By the numbers that M97 calls the lines that have them.
+    numbered: BTreeMap<u64, Vec<usize>>,
 }
 
 impl Blocks {
     fn of(lines: &[&[u8]]) -> Blocks {
-        let mut blocks =
-            Blocks { begins: BTreeMap::new(), programs: BTreeMap::new(), called: BTreeSet::new() };
+        let mut blocks = Blocks {
+            begins: BTreeMap::new(),
+            programs: BTreeMap::new(),
+            called: BTreeSet::new(),
+            numbered: BTreeMap::new(),
+        };
         for (at, line) in lines.iter().enumerate() {
             if let Some(block) = Block::of(line) {
                 if block.keyword.is_empty() {
@@ -102,8 +108,19 @@ impl Blocks {
             }
         }
         for line in lines {
-            if let Some(number) = called(line) {
-                blocks.called.insert(blocks.number(number).0);
+            match called(line) {
+                Some((98, number)) => {
+                    blocks.called.insert(blocks.number(number).0);
+                }
+                Some((_, number)) => {
+                    blocks.numbered.entry(number).or_default();
+                }
+                None => {}
+            }
+        }
+        for (at, line) in lines.iter().enumerate() {
+            if let Some(lines) = block_number(line).and_then(|number| blocks.numbered.get_mut(&number)) {
+                lines.push(at);
             }
         }
         blocks
@@ -120,22 +137,32 @@ impl Blocks {
     }
 }
 
-/// The P of M98 in a line.
-fn called(line: &[u8]) -> Option<u64> {
-    let (mut is_call, mut number) = (false, None);
+/// M97 or M98 in a line, with its P.
+fn called(line: &[u8]) -> Option<(u64, u64)> {
+    let (mut call, mut number) = (None, None);
     let mut words = Words::new(line);
     while let Some(Ok(word)) = words.next() {
         match (word.letter, word.value) {
-            (b'M', Some(code)) => is_call = is_call || code == 98.0,
+            (b'M', Some(code)) if code == 97.0 || code == 98.0 => call = Some(code as u64),
             (b'P', Some(p)) if p >= 0.0 => number = Some(p as u64),
             _ => {}
         }
     }
-    number.filter(|_| is_call)
+    Some((call?, number?))
+}
+
+/// The number of a block, which stands in front.
+fn block_number(line: &[u8]) -> Option<u64> {
+    let line = line.strip_prefix(b"/").unwrap_or(line);
+    match Words::new(line).next() {
+        Some(Ok(word)) if word.letter == b'N' => word.value.filter(|n| *n >= 0.0).map(|n| n as u64),
+        _ => None,
+    }
 }
 
 /// A call that is being carried out.
 struct Call {
+    /// With the letter in front: O for subprograms, N for blocks.
     name: String,
     /// Line of its begin, and the one to go on with after it.
     begin: usize,
@@ -175,10 +202,10 @@ impl Flow<'_, '_> {
             at = next;
         }
         match self.calls.last() {
-            Some(call) => Err(self.reader.out.fault(
-                format!("O{}", call.name).as_bytes(),
-                "is a subprogram without an end: M99, or endsub, is missing",
-            )),
+            Some(call) => Err(self
+                .reader
+                .out
+                .fault(call.name.as_bytes(), "is a subprogram without an end: M99, or endsub, is missing")),
             None => Ok(()),
         }
     }
@@ -196,6 +223,9 @@ impl Flow<'_, '_> {
             After::Call { number, repeats } => {
                 let (name, times) = self.blocks.number(number);
                 Ok(Some(self.call(at, name, repeats.unwrap_or(times), b"M98")?))
+            }
+            After::CallBlock { number, repeats } => {
+                Ok(Some(self.call_block(at, number, repeats.unwrap_or(1))?))
             }
         }
     }
@@ -218,7 +248,7 @@ impl Flow<'_, '_> {
         match self.calls.last() {
             Some(call) if call.begin == at => Ok(()),
             Some(call) => {
-                let what = format!("begins before M99 has ended the subprogram O{}", call.name);
+                let what = format!("begins before M99 has ended the subprogram {}", call.name);
                 Err(self.reader.out.fault(word.as_bytes(), &what))
             }
             None if at > 0 && self.blocks.called.contains(&block.name) => Err(self.reader.out.refused(
@@ -245,7 +275,7 @@ impl Flow<'_, '_> {
                 Ok(at + length + 1)
             }
             "endsub" | "return" => match self.calls.last() {
-                Some(call) if call.name == block.name => Ok(self.end()),
+                Some(call) if call.name == format!("O{}", block.name) => Ok(self.end()),
                 _ => Err(out.fault(word.as_bytes(), "ends a subprogram that has not begun")),
             },
             "call" => {
@@ -276,7 +306,7 @@ impl Flow<'_, '_> {
                 return Err(out.refused(word, &what, "put it into the file, behind the program's end"));
             }
         };
-        let is_running = |call: &Call| call.name == name;
+        let is_running = |call: &Call| call.name.strip_prefix('O') == Some(name.as_str());
         let is_main =
             self.blocks.programs.keys().next() == Some(&begin) && begin <= at && self.calls.is_empty();
         if self.calls.iter().any(is_running)
@@ -284,13 +314,34 @@ impl Flow<'_, '_> {
         {
             return Err(out.fault(word, &format!("calls O{name} within itself, which has no end")));
         }
-        if self.calls.len() == DEPTH_MAX {
-            return Err(out.fault(word, "calls more subprograms within each other than can be followed"));
+        self.begin_call(at, Call { name: format!("O{name}"), begin, back: at + 1, left: times }, word)
+    }
+
+    /// M97: what begins at a block with this number.
+    fn call_block(&mut self, at: usize, number: u64, times: u64) -> Result<usize> {
+        let out = &self.reader.out;
+        let name = format!("N{number}");
+        let begin = match self.blocks.numbered.get(&number).map_or(&[][..], Vec::as_slice) {
+            [begin] => *begin,
+            [] => return Err(out.fault(b"M97", &format!("calls {name}, which the file has not"))),
+            _ => return Err(out.fault(b"M97", &format!("calls {name}, which the file has twice"))),
+        };
+        if begin == at || self.calls.iter().any(|call| call.name == name) {
+            return Err(out.fault(b"M97", &format!("calls {name} within itself, which has no end")));
         }
-        if times == 0 {
+        self.begin_call(at, Call { name, begin, back: at + 1, left: times }, b"M97")
+    }
+
+    fn begin_call(&mut self, at: usize, call: Call, word: &[u8]) -> Result<usize> {
+        if self.calls.len() == DEPTH_MAX {
+            let what = "calls more subprograms within each other than can be followed";
+            return Err(self.reader.out.fault(word, what));
+        }
+        if call.left == 0 {
             return Ok(at + 1);
         }
-        self.calls.push(Call { name, begin, back: at + 1, left: times });
+        let begin = call.begin;
+        self.calls.push(call);
         Ok(begin)
     }
 

@@ -18,6 +18,11 @@ fn subprograms_are_carried_out_as_if_they_stood_in_the_program() {
         "o<step> sub\n{STEP}o<step> endsub\no7 sub\no<step> call\no<STEP> call ; again\no7 return\nG1 X99\no7 endsub\nG0 X0 Y0 Z0\no7 call\nG0 X50\no<step> call (last)\nM2\n"
     );
     assert_eq!(ends(&linux), expected);
+    // By the number of a block; one that nothing calls is no end.
+    let local = format!(
+        "G0 X0 Y0 Z0\nM97 P20 L2\nN10 G0 X50\n/M97 P20\nM30\nN5 G1 X99\nN20\n{STEP}M97 P30\nM99\nN30 M99\n"
+    );
+    assert_eq!(ends(&local), expected);
     // Within each other, and not at all.
     let nested = format!(
         "G0 X0 Y0 Z0\nM98 P1\nG0 X50\nM98 P2 L1\nM98 P2 L0\nM30\nO1\nM98 P2 L2\nM99\nO2\n{STEP}M99\n"
@@ -41,7 +46,12 @@ fn calls_that_cannot_be_followed_are_told() {
         ("O1\nG0 X1\nM99\nO2\nG0 X0 Y0 Z0\nM98 P1\nM30\n", ["line 3", "O2 follows"]),
         ("G0 X0 Y0 Z0\nM98 P1\nO1\nG1 X1\nM99\n", ["line 3", "has no end"]),
         ("G0 X0 Y0 Z0\nM98 P1\nM30\nO1\nM99\nO1\nM99\n", ["line 2", "has twice"]),
-        ("G0 X0 Y0 Z0\nM97 P10\n", ["line 2", "is not read"]),
+        ("G0 X0 Y0 Z0\nM97 P10\n", ["line 2", "calls N10, which the file has not"]),
+        ("G0 X0 Y0 Z0\nM97 P10\nM30\nN10 M99\nN10 M99\n", ["line 2", "calls N10, which the file has twice"]),
+        ("G0 X0 Y0 Z0\nM97 P10\nM30\nN10 G1 X1\nM97 P10\nM99\n", ["line 5", "N10 within itself"]),
+        ("G0 X0 Y0 Z0\nM97 P10\nM30\nN10 G1 X1\n", ["\"N10\"", "without an end"]),
+        ("G0 X0 Y0 Z0\nM97\n", ["line 2", "a whole number"]),
+        ("G0 X0 Y0 Z0\nM96 P10\n", ["line 2", "is not read"]),
         ("G0 X0 Y0 Z0\nM98 P1\nM30\nO1\nM99 P30\n", ["line 5", "by its number"]),
         ("G0 X0 Y0 Z0\nG65 P1 A3\n", ["line 2", "post-process without macros"]),
         ("G0 X0 Y0 Z0\n#1=5\n", ["line 2", "#1=5"]),

@@ -2,7 +2,8 @@
 
 use super::compensation::Compensation;
 use super::cycle::Cycle;
-use super::moves::{Moves, POSITION_MAX, Program};
+use super::frame::{Frame, is_far};
+use super::moves::{Moves, Program};
 use super::tool::Tool;
 use crate::error::Result;
 use crate::toolpath::gcode::arc::{Arc, Centre};
@@ -22,6 +23,8 @@ pub(super) enum After {
     End,
     /// A subprogram by its number, so often.
     Call { number: u64, repeats: Option<u64> },
+    /// What begins at the block with this number, so often.
+    CallBlock { number: u64, repeats: Option<u64> },
     /// What called this subprogram.
     Return,
 }
@@ -44,17 +47,14 @@ pub(super) struct Reader<'a> {
     pub(super) unit: f64,
     /// Comments before G20 or G21: they name tools in the unit that is still to be told.
     before_unit: Option<Vec<String>>,
-    relative: bool,
+    pub(super) relative: bool,
     /// Centres of arcs are given as positions.
     absolute_centres: bool,
     /// Where the tip is, in the part's coordinates; `None` where it is not told.
     pub(super) at: [Option<f64>; 3],
     pub(super) degrees: [f64; 3],
-    /// Work offsets, and the one that counts.
-    systems: [[f64; 3]; 9],
-    system: usize,
-    /// What G92 has added.
-    shift: [f64; 3],
+    /// Where the program's coordinates lie.
+    pub(super) frame: Frame,
     cycle: Cycle,
     /// The tool that T has named.
     next: u32,
@@ -93,9 +93,7 @@ impl<'a> Reader<'a> {
             absolute_centres: false,
             at: [None; 3],
             degrees: [0.0; 3],
-            systems: [[0.0; 3]; 9],
-            system: 0,
-            shift: [0.0; 3],
+            frame: Frame::default(),
             cycle: Cycle { back_to_start: true, ..Cycle::default() },
             next: 0,
             contour: None,
@@ -200,6 +198,7 @@ impl<'a> Reader<'a> {
             self.register = Some(number as u32);
         }
         self.require_outside_contour(codes, machine)?;
+        self.require_outside_rotation(codes)?;
         if machine.iter().any(|(code, _)| *code == 6) {
             self.out.tool = self.next;
         }
@@ -219,8 +218,8 @@ impl<'a> Reader<'a> {
                 910 => self.relative = true,
                 901 => self.absolute_centres = true,
                 911 => self.absolute_centres = false,
-                540..=590 if code % 10 == 0 => self.system = (code / 10 - 54) as usize,
-                591..=593 => self.system = (code - 591 + 6) as usize,
+                540..=590 if code % 10 == 0 => self.frame.system = (code / 10 - 54) as usize,
+                591..=593 => self.frame.system = (code - 591 + 6) as usize,
                 800 => {
                     self.cycle.on = false;
                     self.motion = self.motion.filter(|motion| *motion != Motion::Cycle);
@@ -235,7 +234,16 @@ impl<'a> Reader<'a> {
                     self.set_shift(values);
                     takes_words = true;
                 }
-                921 | 922 => self.shift = [0.0; 3],
+                921 | 922 => self.frame.forget_places(),
+                520 => {
+                    self.set_local(values);
+                    takes_words = true;
+                }
+                680 => {
+                    self.begin_rotation(values, text)?;
+                    takes_words = true;
+                }
+                690 => self.frame.end_turn(),
                 // The way home leads over the place that is named; where home is, no program tells.
                 280 | 300 => {
                     self.go_home(values);
@@ -244,7 +252,11 @@ impl<'a> Reader<'a> {
                 530 => in_machine = true,
                 40 => takes_words = true,
                 // Length of the tool: the tip goes where it is told to. Speeds, ways to round corners, and the like.
-                430 | 434 | 435 | 490 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150 | 690 => {}
+                430 | 434 | 435 | 490 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150 => {}
+                760 if values.any(b"HK") => {
+                    let what = "cuts a thread, as on lathes, which is not read";
+                    return Err(self.out.refused(text, what, "give a program of a mill, where G76 bores"));
+                }
                 code if Cycle::begins(code) => {
                     self.motion = Some(Motion::Cycle);
                     if !self.cycle.on {
@@ -275,29 +287,29 @@ impl<'a> Reader<'a> {
         for &(code, text) in machine {
             match code {
                 2 | 30 => return Ok(After::End),
-                98 => {
+                97 | 98 => {
                     let whole =
                         |letter: u8| values.get(letter).filter(|value| *value >= 0.0 && value.fract() == 0.0);
-                    let Some(number) = whole(b'P') else {
+                    let Some(number) = whole(b'P').map(|number| number as u64) else {
                         let what =
                             "calls what stands in another file, or nothing: it needs P with a whole number";
-                        return Err(self.out.refused(
-                            text,
-                            what,
-                            "put the subprograms into the file, behind the program's end",
-                        ));
+                        let remedy = "put the subprograms into the file, behind the program's end";
+                        return Err(self.out.refused(text, what, remedy));
                     };
                     let repeats = whole(b'L').or(whole(b'K')).map(|times| times as u64);
-                    return Ok(After::Call { number: number as u64, repeats });
+                    return Ok(match code {
+                        97 => After::CallBlock { number, repeats },
+                        _ => After::Call { number, repeats },
+                    });
                 }
                 99 if values.any(b"PQ") => {
                     return Err(self.out.fault(text, "goes to a block by its number, which is not read"));
                 }
                 99 => return Ok(After::Return),
-                96 | 97 | 198 => {
+                96 | 198 => {
                     return Err(self
                         .out
-                        .fault(text, "calls by a block's number or from another file, which is not read"));
+                        .fault(text, "calls on a signal or from another file, which is not read"));
                 }
                 _ => {}
             }
@@ -310,10 +322,9 @@ impl<'a> Reader<'a> {
         let number = values.get(b'P').map(|p| p as usize);
         match (values.get(b'L').map(|l| l as i64), number) {
             (Some(2), Some(number @ 0..=9)) => {
-                let system = if number == 0 { self.system } else { number - 1 };
                 for (a, letter) in b"XYZ".iter().enumerate() {
                     if let Some(value) = values.get(*letter) {
-                        self.systems[system][a] = value * self.unit;
+                        self.frame.set_system(number.checked_sub(1), a, value * self.unit);
                     }
                 }
                 Ok(())
@@ -333,7 +344,16 @@ impl<'a> Reader<'a> {
     fn set_shift(&mut self, values: &Values) {
         for (a, letter) in b"XYZ".iter().enumerate() {
             if let (Some(value), Some(at)) = (values.get(*letter), self.at[a]) {
-                self.shift[a] = at - self.systems[self.system][a] - value * self.unit;
+                self.frame.name_place(a, at, value * self.unit);
+            }
+        }
+    }
+
+    /// G52 moves the zero of all work offsets.
+    fn set_local(&mut self, values: &Values) {
+        for (a, letter) in b"XYZ".iter().enumerate() {
+            if let Some(value) = values.get(*letter) {
+                self.frame.set_local(a, value * self.unit);
             }
         }
     }
@@ -356,11 +376,12 @@ impl<'a> Reader<'a> {
 
     /// Where the words of a line lead, axis by axis.
     fn target(&self, values: &Values) -> Result<[Option<f64>; 3]> {
-        let mut to = self.at;
+        let from = self.frame.programmed(self.at);
+        let mut to = from;
         for (a, letter) in b"XYZ".iter().enumerate() {
             let Some(value) = values.get(*letter).map(|value| value * self.unit) else { continue };
-            to[a] = match (self.relative, self.at[a]) {
-                (false, _) => Some(value + self.systems[self.system][a] + self.shift[a]),
+            to[a] = match (self.relative, from[a]) {
+                (false, _) => Some(value + self.frame.origin(a)),
                 (true, Some(at)) => Some(at + value),
                 (true, None) => {
                     return Err(self
@@ -368,11 +389,12 @@ impl<'a> Reader<'a> {
                         .fault(&[*letter], "counts from a place that the program does not tell"));
                 }
             };
-            if to[a].is_some_and(|c| c.abs() > POSITION_MAX) {
+            if to[a].is_some_and(is_far) {
                 return Err(self.out.fault(&[*letter], "is out of range"));
             }
         }
-        Ok(to)
+        // What is not named keeps its place to the last bit.
+        if values.any(b"XY") { Ok(self.frame.placed(to)) } else { Ok([self.at[0], self.at[1], to[2]]) }
     }
 
     fn travel(&mut self, values: &Values) -> Result<()> {
@@ -448,18 +470,21 @@ impl<'a> Reader<'a> {
             1 => (2, 0),
             _ => (1, 2),
         };
+        let programmed = self.frame.programmed(self.at);
         let centre = match values.get(b'R') {
             Some(radius) => Centre::Radius(radius * self.unit),
             None => {
                 let offset = |a: usize| {
                     let value = values.get(b"IJK"[a]).map(|value| value * self.unit);
                     match (value, self.absolute_centres) {
-                        (Some(value), true) => value + self.systems[self.system][a] + self.shift[a] - from[a],
+                        (Some(value), true) => {
+                            value + self.frame.origin(a) - programmed[a].unwrap_or(from[a])
+                        }
                         (Some(value), false) => value,
                         (None, _) => 0.0,
                     }
                 };
-                Centre::Offset([offset(u), offset(v)])
+                Centre::Offset(self.frame.turned([offset(u), offset(v)]))
             }
         };
         // P counts turns; the last one is the arc itself.
@@ -499,7 +524,7 @@ impl<'a> Reader<'a> {
         if self.normal != 2 {
             return Err(self.out.fault(b"G81", "drills in another plane than G17, which is not read"));
         }
-        let z = self.systems[self.system][2] + self.shift[2];
+        let z = self.frame.origin(2);
         let Some(begin) = self.at[2] else {
             return Err(self.out.fault(b"G81", "drills from a height that the program does not tell"));
         };

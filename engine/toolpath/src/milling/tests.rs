@@ -199,3 +199,68 @@ fn what_cannot_be_followed_names_line_and_word() {
         assert_eq!(error.lines().count(), 1);
     }
 }
+
+#[test]
+fn local_zeros_add_to_all_offsets() {
+    assert_eq!(
+        ends("G10 L2 P2 X100\nG0 X0 Y0 Z0\nG52 X5 Y1\nG1 X1 Y0\nG55\nX1\nG52 X0\nX1\nG52 Y0\nG54 X2 Y0\n"),
+        ["[6.0, 1.0, 0.0]", "[106.0, 1.0, 0.0]", "[101.0, 1.0, 0.0]", "[2.0, 0.0, 0.0]"]
+    );
+    // G92 names the place that the zero so moved has, and G52 moves that.
+    assert_eq!(
+        ends("G0 X0 Y0 Z0\nG52 X5\nG92 X0\nG1 X1\nG52 X7\nX1\nG92.1\nX1\n"),
+        ["[1.0, 0.0, 0.0]", "[3.0, 0.0, 0.0]", "[8.0, 0.0, 0.0]"]
+    );
+}
+
+#[test]
+fn rotations_turn_places_increments_centres_and_holes() {
+    assert_eq!(
+        ends("G0 X1 Y1 Z0\nG68 X1 Y1 R90\nG1 X3\nG91 Y1\nG90 Z-1\nG69\nX5\n"),
+        ["[1.0, 3.0, 0.0]", "[0.0, 3.0, 0.0]", "[0.0, 3.0, -1.0]", "[5.0, 3.0, -1.0]"]
+    );
+    // Every move of a part, turned about a point of a moved zero, is the turned move.
+    let part = "G1 X4 Y0\nG3 X0 Y4 I-4 J0\nG2 X4 Y0 R-4\nG91 G1 X1 Y2\nG90 G90.1 G3 X-3 Y2 I1 J2\nG90.1\nG0 Z3\nG99 G81 X1 Y1 Z-2 R1\nX7\nG80\n";
+    let read =
+        |turn: &str| read_text(&format!("G52 X2 Y-1\nG0 X4 Y0 Z0\n{turn}{part}G69\nG0 X0 Y0\n")).unwrap();
+    let (plain, turned) = (read(""), read("G68 X1 Y2 R30.5\nG0 X4 Y0\n"));
+    let (sin, cos) = 30.5f64.to_radians().sin_cos();
+    let expected = |[x, y, z]: [f64; 3]| {
+        let [x, y] = [x - 3.0, y - 1.0];
+        [3.0 + cos * x - sin * y, 1.0 + sin * x + cos * y, z]
+    };
+    assert_eq!(plain.moves.len() + 1, turned.moves.len());
+    let pairs = plain.moves.iter().zip(&turned.moves[1..]);
+    for (plain, turned) in pairs.take(plain.moves.len() - 1) {
+        let wrong = (0..3).map(|a| (expected(plain.to)[a] - turned.to[a]).abs()).fold(0.0, f64::max);
+        assert!(wrong < 1e-9 && plain.rapid == turned.rapid, "{plain:?} {turned:?}");
+    }
+    assert_eq!(plain.moves.last().unwrap().to, turned.moves.last().unwrap().to);
+}
+
+#[test]
+fn rotations_that_cannot_be_followed_are_told() {
+    for (text, words) in [
+        ("G0 X0 Y0 Z0\nG68 X1 Y1\n", ["line 2", "has no R"]),
+        ("G0 X0 Y0 Z0\nG91\nG68 X1 Y1 R5\n", ["line 3", "with G91"]),
+        ("G18\nG68 X1 Y1 R5\n", ["line 2", "another plane"]),
+        ("G68 R5\n", ["line 1", "does not tell"]),
+        ("G0 X0 Y0 Z0\nG68 R5\nG55\n", ["line 3", "G69"]),
+        ("G0 X0 Y0 Z0\nG68 R5\nG68 R6\n", ["line 3", "G69"]),
+        ("G0 X0 Y0 Z0\nG68 R5\nG18\n", ["line 3", "G69"]),
+        ("G0 Z0\nG68 X0 Y0 R5\nG1 X5\n", ["line 3", "does not tell"]),
+        ("G0 X0 Y0 Z0\nG68.2 X0 Y0 Z0 I1 J2 K3\n", ["line 2", "is not read"]),
+    ] {
+        let error = read_text(text).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
+    }
+}
+
+#[test]
+fn fine_boring_goes_where_drilling_does() {
+    let holes = "X5 Y5 Z-3 R1 F50\nX8\nG80\n";
+    let drilled = ends(&format!("G0 X0 Y0 Z10\nG98 G81 {holes}"));
+    assert_eq!(ends(&format!("G0 X0 Y0 Z10\nG98 G76 Q0.1 {holes}")), drilled);
+    let error = read_text("G0 X0 Y0 Z10\nG76 P1 Z-9 I-1 J0.2 K1 Q30\n").unwrap_err().to_string();
+    assert!(error.contains("cuts a thread"), "{error}");
+}

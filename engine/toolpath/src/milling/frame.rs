@@ -1,0 +1,128 @@
+//! The coordinates of a program in those of the part: work offsets, shifts, and rotations in the plane of G17.
+
+use super::moves::POSITION_MAX;
+
+/// What has been set so far, all in mm.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Frame {
+    /// Work offsets of G54 to G59.3, and the one that counts.
+    systems: [[f64; 3]; 9],
+    pub system: usize,
+    /// What G92 has added.
+    shift: [f64; 3],
+    /// What G52 has added.
+    local: [f64; 3],
+    turned: Option<Rotation>,
+}
+
+/// A rotation of G68.
+#[derive(Clone, Copy, Debug)]
+struct Rotation {
+    /// In the part's coordinates.
+    centre: [f64; 2],
+    /// Cosine and sine of the angle, which is counter-clockwise.
+    turn: [f64; 2],
+}
+
+impl Rotation {
+    fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [cos, sin] = self.turn;
+        [cos * x - sin * y, sin * x + cos * y]
+    }
+
+    /// Where a place lies that is programmed at `at`, or with the opposite turn where one lies in the program.
+    fn moved(&self, at: [f64; 2]) -> [f64; 2] {
+        let way = self.turned([at[0] - self.centre[0], at[1] - self.centre[1]]);
+        [self.centre[0] + way[0], self.centre[1] + way[1]]
+    }
+
+    fn back(&self) -> Rotation {
+        Rotation { turn: [self.turn[0], -self.turn[1]], ..*self }
+    }
+}
+
+impl Frame {
+    /// Where the program's zero lies along an axis, before any rotation.
+    pub fn origin(&self, axis: usize) -> f64 {
+        self.systems[self.system][axis] + self.shift[axis] + self.local[axis]
+    }
+
+    /// Sets a work offset, or by `None` the one that counts.
+    pub fn set_system(&mut self, number: Option<usize>, axis: usize, value: f64) {
+        self.systems[number.unwrap_or(self.system)][axis] = value;
+    }
+
+    /// G92: the program calls the place `at` by `value` from now on.
+    pub fn name_place(&mut self, axis: usize, at: f64, value: f64) {
+        self.shift[axis] += at - self.origin(axis) - value;
+    }
+
+    /// G92.1: as if G92 had not been.
+    pub fn forget_places(&mut self) {
+        self.shift = [0.0; 3];
+    }
+
+    /// G52: zero lies so far from that of the work offset.
+    pub fn set_local(&mut self, axis: usize, value: f64) {
+        self.local[axis] = value;
+    }
+
+    /// G68: what follows is turned about a place of the program, by degrees.
+    pub fn turn(&mut self, centre: [f64; 2], degrees: f64) {
+        let angle = degrees.rem_euclid(360.0);
+        // Right angles are exact.
+        let turn = match angle {
+            0.0 => [1.0, 0.0],
+            90.0 => [0.0, 1.0],
+            180.0 => [-1.0, 0.0],
+            270.0 => [0.0, -1.0],
+            _ => [angle.to_radians().cos(), angle.to_radians().sin()],
+        };
+        self.turned = Some(Rotation { centre, turn });
+    }
+
+    /// G69: nothing is turned any more.
+    pub fn end_turn(&mut self) {
+        self.turned = None;
+    }
+
+    /// Whether G68 counts.
+    pub fn is_turned(&self) -> bool {
+        self.turned.is_some()
+    }
+
+    /// A place of the part before the rotation. Both x and y have to be known if there is one, else none is.
+    pub fn programmed(&self, at: [Option<f64>; 3]) -> [Option<f64>; 3] {
+        self.in_plane(at, |rotation, place| rotation.back().moved(place))
+    }
+
+    /// The same place after the rotation, which is that in the part.
+    pub fn placed(&self, at: [Option<f64>; 3]) -> [Option<f64>; 3] {
+        self.in_plane(at, |rotation, place| rotation.moved(place))
+    }
+
+    fn in_plane(
+        &self,
+        at: [Option<f64>; 3],
+        moved: impl Fn(&Rotation, [f64; 2]) -> [f64; 2],
+    ) -> [Option<f64>; 3] {
+        let Some(rotation) = &self.turned else { return at };
+        match at {
+            [Some(x), Some(y), z] => {
+                let [x, y] = moved(rotation, [x, y]);
+                [Some(x), Some(y), z]
+            }
+            [_, _, z] => [None, None, z],
+        }
+    }
+
+    /// A way in the plane of G17 after the rotation.
+    pub fn turned(&self, way: [f64; 2]) -> [f64; 2] {
+        self.turned.map_or(way, |rotation| rotation.turned(way))
+    }
+}
+
+/// Whether a coordinate is farther off than any machine reaches.
+pub(super) fn is_far(value: f64) -> bool {
+    value.is_nan() || value.abs() > POSITION_MAX
+}
