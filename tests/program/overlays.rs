@@ -142,6 +142,32 @@ fn sections_fill_voids_and_number_them_as_the_table_does() {
     assert_eq!((seen.count(size_along(1.0)), seen.count([0; 3])), (0, 0));
 }
 
+/// A cavity of 6³ whose channel, 1.2 wide, leads outside: no void, but behind a throat.
+#[test]
+fn voids_behind_throats_are_filled_if_they_are_asked_for() {
+    let dir = Scratch::new();
+    let cavity = shapes::cuboid([7.1; 3], [13.1; 3]);
+    let channel = shapes::cuboid([12.0, 9.6, 9.6], [21.0, 10.8, 10.8]);
+    let pieces = [shapes::cuboid([0.0; 3], [20.0; 3]), cavity.flipped(), channel.flipped()];
+    let (mesh, store, out) = (dir.path("a.stl"), dir.path("a.brf"), dir.path("v.png"));
+    let mut bytes = Vec::new();
+    write::stl(&mut bytes, &Mesh::merged(&pieces)).unwrap();
+    std::fs::write(&mesh, bytes).unwrap();
+    run(&[&"build", &mesh, &"-o", &store, &"-q", &"--cell", &"0.25"]).ok_but_for("inside out");
+    let section = ["--z", "10.2", "--style", "voids", "--pixel", "0.05", "--no-legend"];
+    for (closing, few, many) in [("1", 0.0, 0.0), ("2", 36.0, 48.0)] {
+        let seen = draw("slice", &store, &out, &[&section[..], &["--closing", closing]].concat());
+        let filled = (seen.count(size_along(1.0)) as f64 + if few > 0.0 { 162.0 } else { 0.0 }) * 0.0025;
+        assert!((few * 0.97..=many).contains(&filled), "{closing}: {filled}");
+    }
+    // In space it is seen through the haze, in the middle and not beside.
+    let style = ["--style", "voids", "--no-legend", "--size", "40x30", "--closing", "2", "--view", "front"];
+    let seen = draw("render", &store, &out, &[&style[..], &["--focus", "10,10,10,5"]].concat());
+    assert!(is_lit(seen.middle(), size_along(1.0)), "{:?}", seen.middle());
+    let seen = draw("render", &store, &out, &[&style[..], &["--focus", "3,10,3,1"]].concat());
+    assert!(seen.middle().iter().all(|part| *part > 200), "{:?}", seen.middle());
+}
+
 #[test]
 fn classes_have_colours_of_their_own_and_are_left_out_on_demand() {
     let dir = Scratch::new();
@@ -311,6 +337,7 @@ fn what_cannot_be_shown_is_a_line() {
         &["render", "--style", "thickness", "--colour-by", "size"],
         &["render", "--style", "deviation"],
         &["render", "--style", "voids", "--range", "1mm"],
+        &["render", "--closing", "1mm"],
         &["render", "--style", "thickness", "--range", "1mm", "--below", "1mm"],
         &["render", "--style", "voids", "--backend", "vulkan"],
         &["render", "--within", "1mm"],

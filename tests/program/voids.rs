@@ -185,6 +185,14 @@ fn a_void_behind_a_throat_is_listed_if_that_is_narrow_enough() {
         run(&[&"voids", &part, &"-o", &out, &"--closing", &"2", &"-q", &"--threads", &threads]).ok();
         assert_eq!(std::fs::read_to_string(&out).unwrap(), text);
     }
+    // The array has it as well: of the grid's samples those that it was measured by, whose volume is told to four digits.
+    let labels = dir.path("l.npy");
+    run(&[&"voids", &part, &"-o", &out, &"--closing", &"2", &"--labels", &labels, &"-q"]).ok();
+    let bytes = std::fs::read(&labels).unwrap();
+    let words = bytes[bytes.len() - 4 * 128usize.pow(3)..].as_chunks::<4>().0;
+    let counted = words.iter().filter(|word| u32::from_le_bytes(**word) == 1).count();
+    let counted = counted as f64 * 0.25f64.powi(3);
+    assert!((counted - number("volume")).abs() <= 0.5, "{counted} {row}");
     // With little memory the grid is coarser.
     let little = [&"voids" as &dyn AsRef<std::ffi::OsStr>, &part, &"-o", &out, &"--closing", &"2", &"-q"];
     run(&[&little[..], &[&"--memory", &"2MiB"]].concat()).ok();

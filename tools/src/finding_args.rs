@@ -95,6 +95,9 @@ pub struct FindingArgs {
     /// Of voids: leave out smaller ones, in the cube of the store's unit
     #[arg(long, value_name = "VOLUME", value_parser = not_negative)]
     pub min_volume: Option<f64>,
+    /// Of voids: also those that open to the outside only through throats narrower than this, as in `voids`
+    #[arg(long, value_name = "LEN")]
+    pub closing: Option<Length>,
     /// Of voids: the CAD part on the same lattice, which tells their classes, as in `voids`
     #[arg(long, value_name = "CAD.brf")]
     pub cad: Option<PathBuf>,
@@ -138,6 +141,7 @@ impl FindingArgs {
             (self.colour_by.is_some(), "--colour-by", Voids),
             (!self.classes.is_empty(), "--classes", Voids),
             (self.min_volume.is_some(), "--min-volume", Voids),
+            (self.closing.is_some(), "--closing", Voids),
             (self.cad.is_some(), "--cad", Voids),
             (self.measure.is_some(), "--method", Thickness),
             (self.separation.is_some(), "--separation", Thickness),

@@ -124,7 +124,9 @@ fn voids(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Findings, Fail
     let detail = if needs_classes { Detail::Classes } else { Detail::Volumes };
     let min_volume = args.finding.min_volume.unwrap_or(0.0);
     let cad = cad.as_ref();
-    let options = VoidOptions { memory: args.memory, detail, min_volume, cad, ..VoidOptions::default() };
+    let closing = length(args.finding.closing, store)?;
+    let options =
+        VoidOptions { memory: args.memory, detail, min_volume, cad, closing, ..VoidOptions::default() };
     let found = find(store, &options, bars)?;
     if found.voids.is_empty() && !args.quiet {
         bars.clear();

@@ -103,9 +103,9 @@ pub struct Voids {
 }
 
 impl Voids {
-    /// Bytes that the components of all leaves take.
+    /// Bytes that the components of all leaves take, and the pores.
     pub fn label_bytes(&self) -> u64 {
-        self.labelling.heap_bytes()
+        self.labelling.heap_bytes() + self.pores.as_ref().map_or(0, Pores::heap_bytes)
     }
 
     /// Volume of voids over that of solid and voids.

@@ -7,11 +7,11 @@ use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::store::{BrickCache, BrickTree};
 use std::sync::Arc;
 
-/// The voids of a tree by place. Voids that open through a throat are nowhere.
+/// The voids of a tree by place, those that open through a throat as well if they were asked for.
 pub struct VoidPlaces<'a> {
     tree: &'a dyn BrickTree,
     found: &'a Voids,
-    /// By component, the number of its void; 0 of all that are none.
+    /// By component, and behind them by pore, the number of its void; 0 of all that are none.
     numbers: Vec<u32>,
     /// By leaf, how many before it hold a part of a void; the last number is that of all.
     before: Vec<u32>,
@@ -22,7 +22,16 @@ impl<'a> VoidPlaces<'a> {
     /// Of the voids that were found in a tree. The components of leaves are kept in so many bytes.
     pub fn new(tree: &'a dyn BrickTree, found: &'a Voids, cache_bytes: u64) -> VoidPlaces<'a> {
         let (labelling, numbers) = (&found.labelling, found.numbers());
-        let has_void = |leaf: usize| labelling.in_leaf(leaf).flatten().any(|c| numbers[c] > 0);
+        let has_pore = |leaf: usize| {
+            let key = labelling.order.keys()[leaf];
+            let size = (BRICK_CELLS as f64) * f64::from(1u32 << key.spacing_bits());
+            let low = key.base().map(f64::from);
+            found.pores.as_ref().is_some_and(|pores| pores.any_in(low, low.map(|c| c + size)))
+        };
+        let has_outer = |leaf: usize| labelling.in_leaf(leaf).any(|c| c.is_none());
+        let has_void = |leaf: usize| {
+            labelling.in_leaf(leaf).flatten().any(|c| numbers[c] > 0) || (has_outer(leaf) && has_pore(leaf))
+        };
         let mut before = vec![0];
         let mut count = 0;
         for leaf in 0..labelling.order.keys().len() {
@@ -53,9 +62,8 @@ impl<'a> VoidPlaces<'a> {
             return Ok(0);
         }
         let key = labelling.order.keys()[leaf];
-        let number = |label: u16| labelling.of(leaf, label).map_or(0, |component| self.numbers[component]);
         if self.tree.node(key).is_some_and(|node| node.uniform().is_some()) {
-            return Ok(number(0));
+            return Ok(self.number_of(leaf, 0, at));
         }
         let components = match self.cache.get(key) {
             Some(components) => components,
@@ -67,12 +75,22 @@ impl<'a> VoidPlaces<'a> {
         };
         let (base, spacing) = (key.base().map(f64::from), f64::from(1u32 << key.spacing_bits()));
         let local: [f64; 3] = std::array::from_fn(|a| (at[a] - base[a]) / spacing);
-        Ok(nearest_void(&components, local).map_or(0, number))
+        Ok(nearest_void(&components, local).map_or(0, |(label, sample)| {
+            self.number_of(leaf, label, std::array::from_fn(|a| base[a] + sample[a] as f64 * spacing))
+        }))
+    }
+
+    /// The number of what a component of a leaf belongs to, or where that is the outside, of the pore at a place in void.
+    fn number_of(&self, leaf: usize, label: u16, at: [f64; 3]) -> u32 {
+        let Voids { labelling, pores, .. } = self.found;
+        let pore = || Some(labelling.components.len() + pores.as_ref()?.at(at)?);
+        labelling.of(leaf, label).or_else(pore).map_or(0, |component| self.numbers[component])
     }
 }
 
-/// The component of the nearest sample of void among the corners of the cell that holds a place, in cells from the first sample.
-fn nearest_void(components: &Components, at: [f64; 3]) -> Option<u16> {
+/// The component of the nearest sample of void among the corners of the cell that holds a place, in cells from the first sample,
+/// and that sample.
+fn nearest_void(components: &Components, at: [f64; 3]) -> Option<(u16, [usize; 3])> {
     let low = at.map(|c| (c.max(0.0) as usize).min(BRICK_CELLS - 1));
     let mut best = (f64::INFINITY, None);
     for corner in 0..8 {
@@ -80,7 +98,7 @@ fn nearest_void(components: &Components, at: [f64; 3]) -> Option<u16> {
         let label = components.at(sample);
         let squared = (0..3).map(|a| (at[a] - sample[a] as f64).powi(2)).sum::<f64>();
         if !components.solid[usize::from(label)] && squared < best.0 {
-            best = (squared, Some(label));
+            best = (squared, Some((label, sample)));
         }
     }
     best.1

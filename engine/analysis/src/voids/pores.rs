@@ -82,6 +82,27 @@ impl Pores {
         (self.of[index] as usize).checked_sub(1)
     }
 
+    /// Whether a sample of a pore is nearest to a place in a box, in units from the root's first sample.
+    pub fn any_in(&self, low: [f64; 3], high: [f64; 3]) -> bool {
+        let step = f64::from(1u32 << crate::lattice::spacing_bits(self.level));
+        let within = |at: f64, a: usize| {
+            ((at / step).round() - self.first[a] as f64).clamp(0.0, self.size[a] as f64) as usize
+        };
+        let from: [usize; 3] = std::array::from_fn(|a| within(low[a], a));
+        let to: [usize; 3] = std::array::from_fn(|a| within(high[a] + step, a));
+        (from[2]..to[2]).any(|z| {
+            (from[1]..to[1]).any(|y| {
+                let row = (z * self.size[1] + y) * self.size[0];
+                self.of[row + from[0]..row + to[0].max(from[0])].iter().any(|pore| *pore > 0)
+            })
+        })
+    }
+
+    /// Bytes that it takes.
+    pub fn heap_bytes(&self) -> u64 {
+        (4 * self.of.len() + size_of::<Pore>() * self.pores.len()) as u64
+    }
+
     /// The diameter of the largest ball inside a pore, to a cell; `None` if it is wider than clearances were told apart.
     pub fn inner(&self, pore: &Pore) -> Option<f64> {
         (pore.peak < self.most).then(|| 2.0 * clearance(pore.peak) * self.cell())
