@@ -74,15 +74,7 @@ class Browser:
 
     def settled(self, done="state.done"):
         """The state of the page when it has all, refuses its data, or another condition holds."""
-        began = time.monotonic()
-        while True:
-            state = self.value(f"window.brickfield ? JSON.stringify([brickfield.state, ((state) => {done})(brickfield.state)]) : ''")
-            state, is_done = json.loads(state) if state else ({}, False)
-            if is_done or state.get("error"):
-                return state
-            if time.monotonic() - began > SECONDS_MAX:
-                sys.exit("the page is not done: " + str(state))
-            time.sleep(0.1)
+        return settled(self, done)
 
     def said(self):
         """What it wrote to the console, and what it asked for."""
@@ -90,6 +82,11 @@ class Browser:
         console = [e for e in self.events if e.get("method") in names]
         asked = [e["params"]["request"]["url"] for e in self.events if e.get("method") == "Network.requestWillBeSent"]
         return console, [url for url in asked if not url.startswith(("data:", "blob:"))]
+
+    def click(self, x, y):
+        """Presses and releases the left button over a pixel of the page."""
+        for kind in ["mousePressed", "mouseReleased"]:
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def value(self, text):
         result = self.call("Runtime.evaluate", expression=text, returnByValue=True, awaitPromise=True)
@@ -100,3 +97,16 @@ class Browser:
     def close(self):
         self.process.terminate()
         self.process.wait()
+
+
+def settled(browser, done):
+    """The state of a page in a browser when it has all, refuses its data, or another condition holds."""
+    began = time.monotonic()
+    while True:
+        state = browser.value(f"window.brickfield ? JSON.stringify([brickfield.state, ((state) => {done})(brickfield.state)]) : ''")
+        state, is_done = json.loads(state) if state else ({}, False)
+        if is_done or state.get("error"):
+            return state
+        if time.monotonic() - began > SECONDS_MAX:
+            sys.exit("the page is not done: " + str(state))
+        time.sleep(0.1)

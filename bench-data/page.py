@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
-"""Opens a page that `brickfield splats -o part.html` wrote in a headless Chromium, and compares its picture with that of
+"""Opens a page that `brickfield splats -o part.html` wrote in a headless browser, and compares its picture with that of
 `brickfield render --splats`.
 
     page.py PAGE.html PICTURE.png [--view AZIMUTH,ELEVATION] [--perspective DEGREES] [--picks POINTS.csv] [--beads PART.gcode]
-            [--save SEEN.png] [--chromium PROGRAM]
+            [--save SEEN.png] [--browser PROGRAM]
 
 PICTURE.png is of the same part, by default `--view iso`, any size. Fails if the page writes to the console, asks for anything,
 or if fewer than 99 of 100 pixels are within 24 of 255 of the picture's. `--picks` clicks on a grid of pixels and writes the
 places that the page tells, as `brickfield sample` reads them. Fails if a place is not seen where it was clicked. `--beads` reads the
 lines that picks tell in the G-code that the part was built from, and fails if one lays no bead there, or if a pick lacks layer,
-feature or line. PAGE may be an address. Needs Pillow (pip) and chromium (Debian)."""
+feature or line. PAGE may be an address. The browser is chromium, or a program whose name has firefox in it. Needs Pillow (pip), and
+chromium or firefox-esr (Debian)."""
 
 import argparse
 import base64
@@ -22,6 +23,7 @@ import tempfile
 import time
 
 from browser import Browser
+from firefox import Firefox
 
 STEP = 40
 # How far a splat of the example at depth 3 may be from the bead that it shows.
@@ -37,13 +39,14 @@ def main():
     parser.add_argument("--picks")
     parser.add_argument("--beads")
     parser.add_argument("--save")
-    parser.add_argument("--chromium", default="chromium")
+    parser.add_argument("--browser", default="chromium")
     args = parser.parse_args()
     from PIL import Image
 
     expected = Image.open(args.picture).convert("RGB")
     with tempfile.TemporaryDirectory() as profile:
-        browser = Browser(args.chromium, profile)
+        kind = Firefox if "firefox" in os.path.basename(args.browser) else Browser
+        browser = kind(args.browser, profile)
         try:
             check(browser, args, expected, Image)
         finally:
@@ -105,8 +108,7 @@ def picked(browser, path, seen):
                 continue
             there += 1
             browser.value("brickfield.state.picked = null")
-            for kind in ["mousePressed", "mouseReleased"]:
-                browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+            browser.click(x, y)
             found = None
             for _ in range(100):
                 found = browser.value("JSON.stringify(brickfield.state.picked)")
