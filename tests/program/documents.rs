@@ -9,6 +9,7 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 
 /// Words of commands that need what a test has not: a window, a device, a server, a batch system, another program.
 const NOT_RUN: [&str; 5] = ["brickfield view", "--backend vulkan", "https://", "sbatch ", "parallel "];
@@ -102,9 +103,16 @@ fn with_inputs(is_whole: bool) -> Scratch {
             .and_then(|()| symlink(top().join("bench-data/machining"), dir.path("bench-data/machining"))),
     }
     .expect("it can be made");
-    for (store, more) in [("part.brf", "--identity"), ("print.brf", "--quiet")] {
-        run(&[&"build", &dir.path("part.gcode"), &"-o", &dir.path(store), &more]).ok();
-    }
+    // The same for all pages, and their input has the same path from their folder.
+    static BUILT: OnceLock<[Vec<u8>; 2]> = OnceLock::new();
+    let build = |store: &str, more: &str| {
+        let mut command = program();
+        command.current_dir(dir.path("")).args(["build", "part.gcode", "-o", store, more]);
+        Run::from(command.output().expect("it runs")).ok();
+        fs::read(dir.path(store)).expect("it is there")
+    };
+    let built = BUILT.get_or_init(|| [build("part.brf", "--identity"), build("print.brf", "--quiet")]);
+    ["part.brf", "print.brf"].iter().zip(built).for_each(|(name, bytes)| drop(dir.file(name, bytes)));
     dir
 }
 
@@ -166,13 +174,15 @@ fn sphere() -> Vec<[f64; 3]> {
 /// Runs the commands of a page from top to bottom in a folder of its own.
 #[track_caller]
 fn run_page(page: &str, is_whole: bool) -> Scratch {
-    let dir = with_inputs(is_whole);
+    let commands: Vec<String> =
+        commands(&text_of(page)).into_iter().filter(|command| is_run(command)).collect();
+    let dir = if commands.is_empty() { Scratch::new() } else { with_inputs(is_whole) };
     let folder = Path::new(program().get_program()).parent().expect("a folder").to_owned();
     let path = std::env::join_paths(
         std::iter::once(folder).chain(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default())),
     );
     let path = path.expect("paths");
-    for command in commands(&text_of(page)).iter().filter(|command| is_run(command)) {
+    for command in &commands {
         let mut shell = Command::new("bash");
         shell.arg("-c").arg(command).current_dir(dir.path("")).env("PATH", &path).stdin(Stdio::null());
         let output = shell.output().expect("bash is there");

@@ -6,11 +6,13 @@ pub use npy::Array;
 
 use brickfield_bench_data::{pile::bead_pile, write::StlWriter};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::{Mutex, PoisonError};
 
 /// One facet as STL has it.
 pub type Facet = [[f32; 3]; 3];
@@ -199,13 +201,21 @@ impl Scratch {
         names
     }
 
-    /// A store of an example.
+    /// A store of an example, which is built once for all tests.
     #[track_caller]
     pub fn store(&self, name: &str, depth: u8) -> PathBuf {
+        static BUILT: Mutex<BTreeMap<(String, u8), Vec<u8>>> = Mutex::new(BTreeMap::new());
         let path = self.path(&format!("{name}-{depth}.brf"));
+        // A test whose build fails must not be the failure of others.
+        let mut built = BUILT.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(bytes) = built.get(&(name.to_owned(), depth)) {
+            fs::write(&path, bytes).expect("it can be written");
+            return path;
+        }
         // Few levels: beads may be thinner than a cell.
         run(&[&"build", &stl(name), &"-o", &path, &"--depth", &depth.to_string(), &"--quiet"])
             .ok_but_for("walls:");
+        built.insert((name.to_owned(), depth), fs::read(&path).expect("it is there"));
         path
     }
 }

@@ -1,25 +1,30 @@
 //! The backends under test.
 
+use brickfield_core::sweep::part_or_all;
 use brickfield_engine::backend::{DeviceReport, Vulkan};
 use brickfield_engine::build::{BuildOptions, BuildSummary, Resolution, Resources, build_opened};
 use brickfield_engine::gpu::{DeviceSettings, Gpu};
 use brickfield_engine::ingest::Input;
 use brickfield_engine::{Progress, Result, Silent};
-use std::path::Path;
-use std::sync::Mutex;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// Something that builds stores.
 pub struct Backend {
     pub device: Option<Vulkan>,
     pub threads: usize,
+    /// Whether the suite's deepest trees are worth their time.
+    pub does_all: bool,
 }
 
 impl Backend {
-    /// The store of an input.
-    pub fn build(&self, input: &Input, depth: u8) -> Vec<u8> {
-        self.build_with(input, depth, &options(depth)).0
+    /// The processor or a device, for a part of the suite.
+    pub fn new(device: Option<Vulkan>, threads: usize) -> Backend {
+        Backend { device, threads, does_all: part_or_all(false, true) }
     }
 
+    /// The store of an input.
     pub fn build_with(&self, input: &Input, depth: u8, options: &BuildOptions) -> (Vec<u8>, BuildSummary) {
         let directory = tempfile::tempdir().unwrap();
         let out = directory.path().join("part.brf");
@@ -53,27 +58,36 @@ pub fn options(depth: u8) -> BuildOptions {
 }
 
 /// The processor's store, on one thread.
-pub fn reference(input: &Input, depth: u8) -> Vec<u8> {
-    Backend { device: None, threads: 1 }.build(input, depth)
+pub fn reference(input: &Input, depth: u8) -> Arc<[u8]> {
+    reference_with(input, depth, &options(depth))
 }
 
-/// Runs a test on the processor.
+/// The same with options. Several backends and several failures of a device are held against it: it is built once.
+pub fn reference_with(input: &Input, depth: u8, options: &BuildOptions) -> Arc<[u8]> {
+    type Stores = BTreeMap<(PathBuf, u8, String), Arc<OnceLock<Arc<[u8]>>>>;
+    static BUILT: Mutex<Stores> = Mutex::new(Stores::new());
+    let key = (input.path().to_owned(), depth, format!("{options:?}"));
+    let built = Arc::clone(BUILT.lock().unwrap().entry(key).or_default());
+    let build = || Backend::new(None, 1).build_with(input, depth, options).0.into();
+    Arc::clone(built.get_or_init(build))
+}
+
+/// Runs a test on the processor. It is compared with itself: shallow trees tell as much.
 pub fn cpu(test: fn(&Backend)) {
-    test(&Backend { device: None, threads: 3 });
+    test(&Backend::new(None, 3));
 }
 
 /// Runs a test on a Vulkan device with the validation layer.
 pub fn vulkan(test: fn(&Backend)) {
-    on_device(open(0), test);
+    on_device(Backend { does_all: true, ..Backend::new(Some(open(0)), 2) }, test);
 }
 
-/// The same with copies to and from the device, which one whose memory is the host's does without.
+/// The same with copies to and from the device, which one whose memory is the host's does without. Kernels are the same.
 pub fn staged(test: fn(&Backend)) {
-    on_device(open_staged(0), test);
+    on_device(Backend::new(Some(open_staged(0)), 2), test);
 }
 
-fn on_device(device: Vulkan, test: fn(&Backend)) {
-    let backend = Backend { device: Some(device), threads: 2 };
+fn on_device(backend: Backend, test: fn(&Backend)) {
     test(&backend);
     silent(&backend);
 }

@@ -1,6 +1,6 @@
 //! What a device alone must show: exact ties, failures amid a build, little memory, the sum over all triangles.
 
-use crate::backend::{Backend, open, open_staged, options, read, reference, silent};
+use crate::backend::{Backend, open, open_staged, options, read, reference, reference_with, silent};
 use crate::suite::{deciding, input_of, open_data};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::cuboid;
@@ -20,7 +20,7 @@ use brickfield_engine::winding::{Evaluator, TriangleList, brute_at};
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
 fn exact_ties_are_decided_alike() {
-    let backend = Backend { device: Some(open(0)), threads: 1 };
+    let backend = Backend::new(Some(open(0)), 1);
     let device = backend.device.as_ref().unwrap();
     let (mut queue, mut here, mut there) = (LeafQueue::default(), Evaluator::default(), Evaluator::default());
     let mut undecided = NodeQueue::default();
@@ -90,7 +90,7 @@ fn children(
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
 fn jumps_beyond_eight_bits_are_the_processors() {
-    let backend = Backend { device: Some(open(0)), threads: 2 };
+    let backend = Backend::new(Some(open(0)), 2);
     // The box spans 62 of the 64 cells; each place is one edge further in a word than the one before.
     let cell = 2.0 / 62.0;
     let around_a_sample = |n: usize| {
@@ -100,9 +100,9 @@ fn jumps_beyond_eight_bits_are_the_processors() {
     for (copies, of_processor) in [(127, 0), (128, 1), (256, 1), (300, 1)] {
         let mut pieces = vec![cuboid([-1.0; 3], [1.0; 3])];
         (0..4).for_each(|n| pieces.extend(vec![around_a_sample(n); copies]));
-        let (_folder, pile) = input_of(&pieces);
+        let pile = input_of(&pieces);
         let (store, summary) = backend.build_with(&pile, 1, &options(1));
-        assert!(store == reference(&pile, 1), "{copies} copies");
+        assert!(store == *reference(&pile, 1), "{copies} copies");
         let report = summary.device.unwrap();
         assert_eq!((report.cpu_bricks, report.failure.as_ref()), (of_processor, None), "{copies} copies");
     }
@@ -121,7 +121,7 @@ fn build_amid(
     options: &BuildOptions,
     expected: &[u8],
 ) -> (Backend, DeviceReport) {
-    let backend = Backend { device: Some(open(0)), threads: 2 };
+    let backend = Backend::new(Some(open(0)), 2);
     backend.device.as_ref().unwrap().gpu().inject(fault);
     let (store, summary) = backend.build_with(input, depth, options);
     assert!(store == expected, "{fault:?}");
@@ -161,16 +161,16 @@ fn failures_end_in_the_same_store() {
 fn a_second_device_shares_the_work() {
     // So little memory that there are many batches.
     let memory = 8 << 20;
-    let (_folder, pile) = input_of(&random_pile(3, 60));
+    let pile = input_of(&random_pile(3, 60));
     let expected = reference(&pile, 4);
     let lost = InjectedFailure { stage: Stage::Submit, after: 150, times: 1, failure: DeviceFailure::Lost };
     for fault in [None, Some(lost)] {
-        let backend = Backend { device: Some(open(memory)), threads: 2 };
+        let backend = Backend::new(Some(open(memory)), 2);
         let gpu = backend.device.as_ref().unwrap().gpu();
         fault.into_iter().for_each(|fault| gpu.inject(fault));
         let (store, summary) = backend.build_with(&pile, 4, &options(4));
         let report = summary.device.unwrap();
-        assert!(store == expected && report.peak_bytes <= memory, "{report:?}");
+        assert!(store == *expected && report.peak_bytes <= memory, "{report:?}");
         assert_eq!(gpu.allocated().0, 0, "{fault:?}");
         // Hardware has no second device, so that all batches end with the one that is lost.
         let has_second = gpu.info().kind == DeviceKind::Cpu;
@@ -194,7 +194,7 @@ fn a_second_device_shares_the_work() {
 fn failures_amid_decisions_end_in_the_same_store() {
     let input = open_data("stl/clover_beads.stl");
     let options = &deciding(4)[2];
-    let expected = Backend { device: None, threads: 1 }.build_with(&input, 4, options).0;
+    let expected = reference_with(&input, 4, options);
     for (fault, is_done_for) in [
         (fault(Stage::Allocate, 0, 1, DeviceFailure::OutOfMemory), false),
         (fault(Stage::Allocate, 0, 1000, DeviceFailure::OutOfMemory), true),
@@ -241,10 +241,10 @@ fn little_memory_is_enough_for_open_soups() {
         (2 << 20, false, open_staged),
         (32 << 20, true, open_staged),
     ] {
-        let backend = Backend { device: Some(open(memory)), threads: 2 };
+        let backend = Backend::new(Some(open(memory)), 2);
         let (store, summary) = backend.build_with(&input, 2, &options(2));
         let report = summary.device.unwrap();
-        assert!(store == expected, "{memory} bytes: {report:?}");
+        assert!(store == *expected, "{memory} bytes: {report:?}");
         assert!(report.peak_bytes <= memory && (report.bricks > 0) == is_used, "{memory}: {report:?}");
         silent(&backend);
     }
@@ -254,14 +254,14 @@ fn little_memory_is_enough_for_open_soups() {
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
 fn little_memory_is_enough_and_never_exceeded() {
-    let (_folder, pile) = input_of(&random_pile(3, 60));
+    let pile = input_of(&random_pile(3, 60));
     let expected = reference(&pile, 3);
     let ways: [fn(u64) -> Vulkan; 2] = [open, open_staged];
     let memories = [1, 1 << 20, 8 << 20, 12_345_678, 64 << 20];
     for (memory, open) in memories.into_iter().flat_map(|memory| ways.map(|open| (memory, open))) {
-        let backend = Backend { device: Some(open(memory)), threads: 2 };
+        let backend = Backend::new(Some(open(memory)), 2);
         let (store, summary) = backend.build_with(&pile, 3, &options(3));
-        assert!(store == expected, "{memory} bytes: {:?}", summary.device);
+        assert!(store == *expected, "{memory} bytes: {:?}", summary.device);
         let report = summary.device.unwrap();
         assert!(report.peak_bytes <= memory, "{report:?}");
         assert_eq!(
@@ -277,10 +277,10 @@ fn little_memory_is_enough_and_never_exceeded() {
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
 fn memory_in_common_is_used_in_place() {
-    let (_folder, pile) = input_of(&random_pile(3, 60));
+    let pile = input_of(&random_pile(3, 60));
     let [in_place, staged] = [open(0), open_staged(0)].map(|device| {
         let kind = device.gpu().info().kind;
-        let backend = Backend { device: Some(device), threads: 2 };
+        let backend = Backend::new(Some(device), 2);
         let report = backend.build_with(&pile, 3, &options(3)).1.device.unwrap();
         assert!(report.bricks > 0 && report.peak_bytes > 0, "{report:?}");
         silent(&backend);
@@ -300,13 +300,13 @@ struct Left {
 
 /// Builds on a device, with a fault if there is one, and closes it.
 fn left_by(builds: usize, faults: &[InjectedFailure]) -> Left {
-    let (_folder, pile) = input_of(&random_pile(4, 12));
+    let pile = input_of(&random_pile(4, 12));
     let device = open(0);
     let gpu = device.gpu().clone();
     faults.iter().for_each(|fault| gpu.inject(*fault));
-    let backend = Backend { device: Some(device), threads: 2 };
+    let backend = Backend::new(Some(device), 2);
     for _ in 0..builds {
-        backend.build(&pile, 3);
+        backend.build_with(&pile, 3, &options(3));
         assert!(gpu.allocated().1 <= gpu.memory());
     }
     let (bytes, messages) = (gpu.allocated().0, gpu.messages());
@@ -350,7 +350,7 @@ fn what_is_left_behind_is_found() {
 #[test]
 #[ignore = "needs a Vulkan device and the validation layer; run with -- --ignored"]
 fn the_sum_over_all_triangles_is_close() {
-    let backend = Backend { device: Some(open(0)), threads: 1 };
+    let backend = Backend::new(Some(open(0)), 1);
     let soup: Vec<Facet> = Mesh::merged(&random_pile(1, 30)).facets().collect();
     let root = RootCube::around([-4.0; 3], [4.0; 3]).unwrap();
     let mut rng = Rng::new(7);

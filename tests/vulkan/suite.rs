@@ -1,15 +1,16 @@
 //! What every backend must do.
 
-use crate::backend::{Backend, options, reference};
+use crate::backend::{Backend, options, reference, reference_with};
 use brickfield_bench_data::pile::{lattice_pile, random_pile};
 use brickfield_bench_data::shapes::{cuboid, icosphere};
 use brickfield_bench_data::{Mesh, write};
-use brickfield_core::sweep::part_or_all;
 use brickfield_engine::bead::SweepOptions;
 use brickfield_engine::build::{BuildOptions, ThinDepth};
 use brickfield_engine::ingest::{Facet, Input, OpenOptions};
 use brickfield_engine::store::Refine;
 use brickfield_engine::{Error, Progress, Silent};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -29,28 +30,35 @@ pub fn open_data(name: &str) -> Input {
     open(&data(name))
 }
 
-/// Pieces as an input; its folder lives as long as it is used.
-pub fn input_of(pieces: &[Mesh]) -> (tempfile::TempDir, Input) {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("pieces.stl");
-    write::stl(std::fs::File::create(&path).unwrap(), &Mesh::merged(pieces)).unwrap();
-    let input = open(&path);
-    (directory, input)
+/// A mesh as an input, always with the same path: a store has that, and stores of one input are held against each other.
+fn kept(content: &[u8]) -> Input {
+    let mut hasher = DefaultHasher::new();
+    content.hash(&mut hasher);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let path = folder.join(format!("{:016x}.stl", hasher.finish()));
+    if !path.exists() {
+        let mut file = tempfile::NamedTempFile::new_in(folder).unwrap();
+        file.write_all(content).unwrap();
+        // Another test may have been faster.
+        assert!(file.persist_noclobber(&path).is_ok() || path.exists());
+    }
+    open(&path)
 }
 
-/// Whether a backend does all that the suite has: a device in any case. Of the processor, which is compared with itself,
-/// shallow trees tell as much.
-fn does_all(backend: &Backend) -> bool {
-    part_or_all(backend.device.is_some(), true)
+/// Pieces as an input.
+pub fn input_of(pieces: &[Mesh]) -> Input {
+    let mut content = Vec::new();
+    write::stl(&mut content, &Mesh::merged(pieces)).unwrap();
+    kept(&content)
 }
 
 /// Holds the stores at some depths against the processor's; on a device, all leaves must be its own.
 fn same_stores(backend: &Backend, input: &Input, depths: &[u8]) {
-    let count = depths.len() - usize::from(!does_all(backend));
+    let count = depths.len() - usize::from(!backend.does_all);
     for &depth in &depths[..count] {
         let (store, summary) = backend.build_with(input, depth, &options(depth));
         let report = summary.device;
-        assert!(store == reference(input, depth), "{}, depth {depth}: {report:?}", input.path().display());
+        assert!(store == *reference(input, depth), "{}, depth {depth}: {report:?}", input.path().display());
         assert_eq!(report.is_some(), backend.device.is_some());
         if let Some(report) = report {
             assert_eq!((report.cpu_bricks, report.failure), (0, None), "depth {depth}");
@@ -62,35 +70,31 @@ fn same_stores(backend: &Backend, input: &Input, depths: &[u8]) {
 pub fn meshes_give_the_same_store(backend: &Backend) {
     same_stores(backend, &open_data("stl/clover_beads.stl"), &[2, 3, 4]);
     same_stores(backend, &open_data("stl/spot40_model.stl"), &[1, 4, 6]);
-    let (_folder, sphere) = input_of(&[icosphere(3, 1.0)]);
+    let sphere = input_of(&[icosphere(3, 1.0)]);
     same_stores(backend, &sphere, &[0, 1, 4]);
 }
 
 /// The facets of a mesh without one in `nth`, as an input.
-pub fn less(name: &str, nth: usize) -> (tempfile::TempDir, Input) {
+pub fn less(name: &str, nth: usize) -> Input {
     let whole = open_data(name);
     let mut facets = Vec::new();
     whole.read(0..whole.facets(), &mut facets);
-    let kept: Vec<Facet> =
+    let left: Vec<Facet> =
         facets.into_iter().enumerate().filter(|(i, _)| i % nth != nth / 2).map(|(_, t)| t).collect();
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("less.stl");
-    let file = std::fs::File::create(&path).unwrap();
-    let mut out = write::StlWriter::new(file, kept.len() as u64).unwrap();
-    kept.iter().for_each(|t| out.facet(&t.map(|v| v.map(|c| c as f32))).unwrap());
-    out.finish().unwrap();
-    let input = open(&path);
-    (directory, input)
+    let mut out = write::StlWriter::new(Vec::new(), left.len() as u64).unwrap();
+    left.iter().for_each(|t| out.facet(&t.map(|v| v.map(|c| c as f32))).unwrap());
+    kept(&out.finish().unwrap())
 }
 
 /// What a device does of an open soup.
 fn same_open_stores(backend: &Backend, input: &Input, depths: &[u8], error: f64) {
-    for &depth in depths {
+    let count = depths.len() - usize::from(!backend.does_all);
+    for &depth in &depths[..count] {
         let options = BuildOptions { gwn_error: error, ..options(depth) };
-        let here = Backend { device: None, threads: 1 }.build_with(input, depth, &options).0;
+        let here = reference_with(input, depth, &options);
         let (store, summary) = backend.build_with(input, depth, &options);
         let report = summary.device;
-        assert!(store == here, "{}, depth {depth}: {report:?}", input.path().display());
+        assert!(store == *here, "{}, depth {depth}: {report:?}", input.path().display());
         assert_eq!(report.is_some(), backend.device.is_some());
         if let Some(report) = report {
             assert!(report.bricks > report.cpu_bricks && report.failure.is_none(), "{report:?}");
@@ -105,9 +109,9 @@ fn same_open_stores(backend: &Backend, input: &Input, depths: &[u8], error: f64)
 /// Files with a hole, with many, and beads with holes at overlaps; single facets, at the smallest error and a large one.
 pub fn open_soups_give_the_same_store(backend: &Backend) {
     same_open_stores(backend, &open_data("stl/open_box_no_lid.stl"), &[0, 1, 2], 1e-3);
-    same_open_stores(backend, &less("stl/spot40_model.stl", 7).1, &[0, 1, 2], 1e-3);
-    same_open_stores(backend, &less("stl/clover_beads.stl", 101).1, &[1, 2], 1e-3);
-    let (_folder, pile) = less("stl/thinwall_ladder.stl", 2);
+    same_open_stores(backend, &less("stl/spot40_model.stl", 7), &[0, 1, 2], 1e-3);
+    same_open_stores(backend, &less("stl/clover_beads.stl", 101), &[1, 2], 1e-3);
+    let pile = less("stl/thinwall_ladder.stl", 2);
     same_open_stores(backend, &pile, &[0, 1], 2.5e-4);
     same_open_stores(backend, &pile, &[0, 2], 0.02);
 }
@@ -122,9 +126,8 @@ pub fn deciding(depth: u8) -> [BuildOptions; 5] {
 
 /// Beads that hide walls and gaps from coarse samples, flat parts, triangles on the lattice, anything.
 pub fn trees_that_decide_give_the_same_store(backend: &Backend) {
-    let here = Backend { device: None, threads: 1 };
-    let (_folder, on_lattice) = input_of(&lattice_pile(2, 12, 1 << 17, 64));
-    let (_folder, pile) = input_of(&random_pile(5, 20));
+    let on_lattice = input_of(&lattice_pile(2, 12, 1 << 17, 64));
+    let pile = input_of(&random_pile(5, 20));
     for (input, depth) in [
         (open_data("stl/clover_beads.stl"), 4),
         (open_data("stl/spot40_model.stl"), 4),
@@ -133,11 +136,11 @@ pub fn trees_that_decide_give_the_same_store(backend: &Backend) {
         (pile, 4),
     ] {
         // Every second way in any case, the tolerance among them.
-        for options in deciding(depth).into_iter().step_by(if does_all(backend) { 1 } else { 2 }) {
-            let expected = here.build_with(&input, depth, &options).0;
+        for options in deciding(depth).into_iter().step_by(if backend.does_all { 1 } else { 2 }) {
+            let expected = reference_with(&input, depth, &options);
             let (store, summary) = backend.build_with(&input, depth, &options);
             let report = summary.device;
-            assert!(store == expected, "{}, {options:?}: {report:?}", input.path().display());
+            assert!(store == *expected, "{}, {options:?}: {report:?}", input.path().display());
             assert_eq!(report.is_some(), backend.device.is_some());
             if let Some(report) = report {
                 // Levels above the jobs are the processor's, and a tolerance may leave all but these undivided.
@@ -154,11 +157,11 @@ pub fn trees_that_decide_give_the_same_store(backend: &Backend) {
 
 /// Walls, gaps and rods that hide between samples, divided further than all else: across the axes, and askew.
 pub fn thin_walls_that_are_divided_give_the_same_store(backend: &Backend) {
-    let here = Backend { device: None, threads: 1 };
+    let here = Backend::new(None, 1);
     let plate = cuboid([-1.0, -1.0, -0.004], [1.0, 1.0, 0.004]);
     let askew = cuboid([-0.8, -0.7, -0.006], [0.8, 0.7, 0.006]).rotated_by([0.9, 0.3, 0.2, 0.25]);
     let rod = cuboid([-1.0, 0.5, 0.5], [1.0, 0.506, 0.506]);
-    let (_folder, plates) = input_of(&[plate, askew, rod]);
+    let plates = input_of(&[plate, askew, rod]);
     for (input, depth, thin) in [
         (plates, 1, ThinDepth::Level(4)),
         (open_data("stl/thinwall_ladder.stl"), 3, ThinDepth::Deeper(2)),
@@ -209,7 +212,7 @@ impl Progress for Stop {
 
 /// A build that was stopped, on a device or not, goes on on either one.
 pub fn interrupted_builds_go_on_to_the_same_store(backend: &Backend) {
-    let here = Backend { device: None, threads: 2 };
+    let here = Backend::new(None, 2);
     for (input, depth) in [(open_data("clover.gcode"), 4), (open_data("stl/open_box_no_lid.stl"), 3)] {
         let expected = reference(&input, depth);
         for (first, second) in [(backend, backend), (backend, &here), (&here, backend)] {
@@ -221,7 +224,7 @@ pub fn interrupted_builds_go_on_to_the_same_store(backend: &Backend) {
             let Error::Suspended { nodes, .. } = stopped else { panic!("{stopped}") };
             assert!(nodes > 0 && !out.exists());
             second.build_at(&input, &out, &options, &Silent).unwrap_or_else(|e| panic!("{e}"));
-            assert!(std::fs::read(&out).unwrap() == expected, "{}", input.path().display());
+            assert!(std::fs::read(&out).unwrap() == *expected, "{}", input.path().display());
         }
     }
 }
@@ -234,19 +237,19 @@ pub fn beads_give_the_same_store(backend: &Backend) {
 
 pub fn piles_on_the_lattice_give_the_same_store(backend: &Backend) {
     for seed in 0..4 {
-        let (_folder, pile) = input_of(&lattice_pile(seed, 12, 1 << 17, 64));
+        let pile = input_of(&lattice_pile(seed, 12, 1 << 17, 64));
         same_stores(backend, &pile, &[0, 2, 3]);
     }
 }
 
 pub fn any_triangles_give_the_same_store(backend: &Backend) {
     for seed in 0..4 {
-        let (_folder, pile) = input_of(&random_pile(seed, 20));
+        let pile = input_of(&random_pile(seed, 20));
         same_stores(backend, &pile, &[0, 2, 4]);
     }
     // Many shells over each other.
     let nested: Vec<Mesh> =
         (1..40).map(|i| cuboid([-0.1 * f64::from(i); 3], [0.07 * f64::from(i); 3])).collect();
-    let (_folder, nested) = input_of(&nested);
+    let nested = input_of(&nested);
     same_stores(backend, &nested, &[0, 1, 3]);
 }
