@@ -4,7 +4,7 @@ use super::moves::POSITION_MAX;
 
 /// What has been set so far, all in mm.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Frame {
+pub(super) struct WorkFrame {
     /// Work offsets of G54 to G59.3, and the one that counts.
     systems: [[f64; 3]; 9],
     pub system: usize,
@@ -41,7 +41,7 @@ impl Rotation {
     }
 }
 
-impl Frame {
+impl WorkFrame {
     /// Where the program's zero lies along an axis, before any rotation.
     pub fn origin(&self, axis: usize) -> f64 {
         self.systems[self.system][axis] + self.shift[axis] + self.local[axis]

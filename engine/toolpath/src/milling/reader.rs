@@ -2,7 +2,7 @@
 
 use super::compensation::Compensation;
 use super::cycle::Cycle;
-use super::frame::{Frame, is_far};
+use super::frame::{WorkFrame, is_far};
 use super::moves::{Moves, Program};
 use super::tool::Tool;
 use crate::error::Result;
@@ -54,7 +54,7 @@ pub(super) struct Reader<'a> {
     pub(super) at: [Option<f64>; 3],
     pub(super) degrees: [f64; 3],
     /// Where the program's coordinates lie.
-    pub(super) frame: Frame,
+    pub(super) frame: WorkFrame,
     cycle: Cycle,
     /// The tool that T has named.
     next: u32,
@@ -93,7 +93,7 @@ impl<'a> Reader<'a> {
             absolute_centres: false,
             at: [None; 3],
             degrees: [0.0; 3],
-            frame: Frame::default(),
+            frame: WorkFrame::default(),
             cycle: Cycle { back_to_start: true, ..Cycle::default() },
             next: 0,
             contour: None,
