@@ -6,7 +6,7 @@
 //
 // Files are binary PLY with three floats a vertex and three numbers a triangle, as `brickfield mesh` writes them. The
 // costs are the library's own with its defaults: Lindstrom & Turk 1998, and the planes of Garland & Heckbert 1997 with
-// the limit of normals that its manual advises for these. Prints the seconds of the simplification alone.
+// the limit of normals of the example in its manual. Prints the seconds of the simplification alone.
 
 #include <CGAL/Simple_cartesian.h>
 #include <CGAL/Surface_mesh.h>

@@ -5,7 +5,7 @@
 //! each slice.
 
 use super::kernel::{rises, tent};
-use super::leaf::Plan;
+use super::plan::Plan;
 use crate::analysis::share_beside;
 use crate::brick::{HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};

@@ -8,7 +8,8 @@
 //! |---|---|
 //! | `kernel` | the tent by which solid is averaged |
 //! | `leaf` | what one leaf adds, by chords between exact crossings |
-//! | `chords` | the chords along one axis, line by line |
+//! | `plan` | which coarse samples the lines of a leaf add to |
+//! | `chords` | the chords along one axis, slice by slice |
 //! | `sharp` | where planes of the fine level agree, so that edges stay sharp |
 //! | `lattice` | all sums, brick by brick, completed as leaves pass in Morton order |
 //! | `tree` | a surface of the fractions as a tree that can be contoured |
@@ -23,6 +24,7 @@ mod kernel;
 mod lattice;
 mod leaf;
 mod level;
+mod plan;
 mod sharp;
 mod size;
 #[cfg(test)]
