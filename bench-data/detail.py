@@ -3,7 +3,8 @@
 
     python3 -m venv venv && venv/bin/pip install numpy fast-simplification meshoptimizer pymeshlab meshlib
     venv/bin/python bench-data/detail.py --program target/release/brickfield STORE.brf... --triangles 10000 100000
-    ... --peers                      # decimates the fine mesh of each store, too
+    ... --peers                      # decimates the fine mesh of each store, too; names after it are the peers to ask
+    ... --peers --cgal cgal_simplify # also by CGAL: bench-data/peers/cgal_simplify.cpp says how to compile it
     venv/bin/python bench-data/detail.py --tetrahedra MESH.stl    # needs `pip install gmsh`
 
 Stores are made by `brickfield build`. Prints tables; exit status 1 if a mesh of ours is not sound or not of the size asked for.
@@ -109,6 +110,20 @@ def meshlib(positions, triangles, most):
     return mrmeshnumpy.getNumpyVerts(mesh), mrmeshnumpy.getNumpyFaces(mesh.topology)
 
 
+def cgal(program, cost):
+    """CGAL's simplification with one of its costs, as a peer."""
+
+    def peer(positions, triangles, most):
+        with tempfile.TemporaryDirectory() as folder:
+            fine, coarse = pathlib.Path(folder) / "fine.ply", pathlib.Path(folder) / "coarse.ply"
+            write_ply(fine, positions, triangles)
+            subprocess.run([program, fine, str(most), cost, coarse], check=True, stdout=subprocess.DEVNULL)
+            return read_ply(coarse)
+
+    peer.__name__ = f"CGAL, {cost}"
+    return peer
+
+
 def apart(program, store, mesh, folder):
     """Distances of the store's surface to a mesh, rms and within which 99.8 % lie, and those of the mesh to the surface."""
     told = run(program, "deviation", store, mesh, "-o", folder / "apart.ply")
@@ -120,8 +135,8 @@ def apart(program, store, mesh, folder):
     return " | ".join(of(way) for way in ("part_to_reference", "reference_to_part"))
 
 
-def peers(program, store, most, fine, folder):
-    """Rows of our mesh and of the decimated fine mesh."""
+def peers(program, store, most, fine, folder, asked):
+    """Rows of our mesh and of the fine mesh as the peers that are asked decimate it."""
     out = folder / "ours.ply"
     made = run(program, "mesh", store, "-o", out, "--triangles", most, "--check")
     expected = made["expected"]["volume"]
@@ -131,7 +146,7 @@ def peers(program, store, most, fine, folder):
         flush=True,
     )
     positions, triangles = fine
-    for peer in (fast_simplification, meshoptimizer, pymeshlab, meshlib):
+    for peer in asked:
         began = time.time()
         try:
             result = peer(positions, triangles, most)
@@ -183,7 +198,8 @@ def main():
     arguments.add_argument("--program", default="target/release/brickfield")
     arguments.add_argument("stores", nargs="*", type=pathlib.Path)
     arguments.add_argument("--triangles", nargs="*", type=int, default=[10_000, 100_000, 1_000_000])
-    arguments.add_argument("--peers", action="store_true")
+    arguments.add_argument("--peers", nargs="*", metavar="NAME")
+    arguments.add_argument("--cgal", help="the compiled cgal_simplify.cpp, with --peers")
     arguments.add_argument("--tetrahedra", type=pathlib.Path)
     chosen = arguments.parse_args()
     if chosen.tetrahedra:
@@ -191,7 +207,10 @@ def main():
     are_right = True
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        if chosen.peers:
+        asked = [fast_simplification, meshoptimizer, pymeshlab, meshlib]
+        asked += [cgal(chosen.cgal, cost) for cost in ("lindstrom-turk", "garland-heckbert") if chosen.cgal]
+        asked = [peer for peer in asked if not chosen.peers or peer.__name__.split(",")[0] in chosen.peers]
+        if chosen.peers is not None:
             print("| store | asked | peer | triangles | volume off, % | surface | crossing pairs | store to mesh: rms, 99.8 %, mm | mesh to store | s |\n|---|---|---|---|---|---|---|---|---|---|")
         else:
             print(
@@ -200,12 +219,12 @@ def main():
             )
         for store in chosen.stores:
             fine = None
-            if chosen.peers:
+            if chosen.peers is not None:
                 run(chosen.program, "mesh", store, "-o", folder / "fine.ply")
                 fine = read_ply(folder / "fine.ply")
             for most in chosen.triangles:
-                if chosen.peers:
-                    peers(chosen.program, store, most, fine, folder)
+                if chosen.peers is not None:
+                    peers(chosen.program, store, most, fine, folder, asked)
                 else:
                     are_right &= ours(chosen.program, store, most, folder)
     return 0 if are_right else 1

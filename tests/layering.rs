@@ -53,7 +53,7 @@ const CRATES: [(&str, &[Room]); 15] = [
             ("csg", &[]),
             ("distance", &[]),
             ("voids", &["analysis"]),
-            ("fraction", &["analysis"]),
+            ("fraction", &["analysis", "distance"]),
             ("machining", &["analysis", "csg", "voids"]),
         ],
     ),

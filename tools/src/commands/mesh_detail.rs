@@ -21,8 +21,8 @@ use brickfield_engine::{Error, Progress};
 use serde::Serialize;
 use std::path::Path;
 
-/// A triangle in memory with its share of vertices and of the grid by which it is found.
-const DISTANCE_BYTES_A_TRIANGLE: u64 = 60;
+/// A triangle in memory with its share of vertices and of the boxes by which it is found, while these are sorted.
+const DISTANCE_BYTES_A_TRIANGLE: u64 = 200;
 /// How far around points of the mesh the store's surface is looked for, in coarse cells.
 const REACH: f64 = 2.0;
 /// Farther from the mesh, in coarse cells, is what was averaged away.

@@ -1,6 +1,6 @@
 //! Faces that run along an axis: chords along it do not see where they lie, and crossings across it do.
 
-use crate::brick::{HermiteEdge, OctNormal};
+use crate::brick::HermiteEdge;
 
 /// Steps of an edge in which chords are measured.
 pub(super) const STEPS: u128 = 1 << 16;
@@ -96,13 +96,13 @@ impl Face {
 /// The share of all chords, those along each axis being a third, that do not see where the face at the crossing of an edge
 /// along `axis` lies, and that this edge tells: 0 to 2/3.
 pub(crate) fn share_beside(axis: usize, edge: &HermiteEdge) -> f64 {
-    // Most normals lie along no axis. Their components are at least these parts of the length, so this asks no root.
-    let far = (ALONG * f64::from(OctNormal::SUM)) as i32 + 1;
-    let direction = edge.normal.to_direction();
-    if across(axis).into_iter().all(|other| direction[other].abs() > far) {
-        return 0.0;
+    let direction = edge.normal.to_direction().map(f64::from);
+    let squares = direction.map(|c| c * c);
+    let least = ALONG * ALONG * squares.iter().sum::<f64>();
+    // Squares ask no root.
+    let unseeing = across(axis).into_iter().filter(|&other| squares[other] < least).count();
+    match unseeing {
+        0 => 0.0,
+        _ => unseeing as f64 / 3.0 * squares[axis] / squares.iter().sum::<f64>(),
     }
-    let normal = edge.normal.to_vector();
-    let unseeing = across(axis).into_iter().filter(|&other| normal[other].abs() < ALONG).count();
-    unseeing as f64 / 3.0 * normal[axis] * normal[axis]
 }

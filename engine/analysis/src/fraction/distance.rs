@@ -1,13 +1,16 @@
 //! How far a mesh and the surface of a store are from each other, at some points of both.
 
-use super::closest::TriangleIndex;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::MeshArrays;
+use crate::distance::Triangles;
 use crate::error::Result;
 use crate::lattice::{Axis, NodeKey, RootCube, dot, minus};
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
+use crate::soup::{Facet, Facets};
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
 use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
 
 /// Points of either surface.
 const POINTS: usize = 5_000;
@@ -80,6 +83,22 @@ fn for_crossings(root: RootCube, leaf: &Leaf<'_>, mut each: impl FnMut([f64; 3],
     }
 }
 
+/// The triangles of a mesh.
+struct MeshFacets<'a>(&'a MeshArrays);
+
+impl Facets for MeshFacets<'_> {
+    fn facets(&self) -> u64 {
+        self.0.triangles.len() as u64
+    }
+
+    fn read(&self, range: Range<u64>, out: &mut Vec<Facet>) {
+        let MeshFacets(MeshArrays { positions, triangles }) = self;
+        let corners = |ids: &[u32; 3]| ids.map(|id| positions[id as usize].map(f64::from));
+        out.clear();
+        out.extend(triangles[range.start as usize..range.end as usize].iter().map(corners));
+    }
+}
+
 /// Of points of the store's surface from the mesh.
 fn to_mesh(
     tree: &dyn BrickTree,
@@ -91,7 +110,8 @@ fn to_mesh(
     let all: Vec<NodeKey> = order.keys().iter().filter(passed).copied().collect();
     let count = all.len().min(LEAVES);
     let keys: Vec<NodeKey> = (0..count).map(|n| all[n * all.len() / count]).collect();
-    let triangles = TriangleIndex::new(mesh);
+    // The mesh is in memory, and so are these.
+    let triangles = Triangles::new(&[&MeshFacets(mesh)], (u64::MAX, Path::new(".")), &Silent)?;
     progress.phase("distances", Some(keys.len() as u64), "bricks");
     let mut distances = Vec::new();
     let each = POINTS.div_ceil(count.max(1));
@@ -99,7 +119,8 @@ fn to_mesh(
         let mut points = Vec::new();
         for_crossings(tree.root(), leaf, |at, _| points.push(at));
         let taken = points.len().min(each);
-        Ok((0..taken).map(|n| triangles.distance(points[n * points.len() / taken])).collect::<Vec<f64>>())
+        let distance = |n: usize| Ok(triangles.nearest(points[n * points.len() / taken])?.distance);
+        (0..taken).map(distance).collect::<Result<Vec<f64>>>()
     };
     visit(tree, &keys, progress, make, |_, found: Vec<f64>| {
         distances.extend(found);

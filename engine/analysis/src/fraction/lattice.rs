@@ -155,39 +155,35 @@ impl Lattice {
     pub(super) fn depths_around(&self, key: NodeKey) -> Vec<f32> {
         const N: usize = super::tree::AROUND;
         let mut depths = vec![-1.0; N * N * N];
-        self.for_around(key, (1, N), |place, fraction| depths[place] = self.depths[usize::from(fraction)]);
+        self.for_around(key, (1, N), |place, fractions| {
+            let row = depths[place..].iter_mut().zip(fractions);
+            row.for_each(|(depth, &fraction)| *depth = self.depths[usize::from(fraction)]);
+        });
         depths
     }
 
-    /// Calls with place and fraction as stored, of samples in bricks that are not empty: those of a box, `size` of them an axis,
-    /// that begins `before` samples before the first of a brick. The box ends in one of the bricks around.
+    /// Calls with place and fractions as stored, of rows of samples in bricks that are not empty: those of a box, `size` of them
+    /// an axis, that begins `before` samples before the first of a brick. The box ends in one of the bricks around.
     pub(super) fn for_around(
         &self,
         key: NodeKey,
         (before, size): (usize, usize),
-        mut found: impl FnMut(usize, u16),
+        mut found: impl FnMut(usize, &[u16]),
     ) {
         for d in (0..27).map(|n| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1]) {
             let Some(brick) = key.neighbour(d).and_then(|key| self.bricks.get(&key)) else { continue };
             let cells = BRICK_CELLS as i32;
-            // Places in the box of this brick's samples, and theirs in the brick.
-            let range = |a: usize| {
-                let start = before as i32 + d[a] * cells;
-                (start.max(0)..(start + cells).min(size as i32))
-                    .map(move |at| (at as usize, (at - start) as usize))
-            };
-            for (z, k) in range(2) {
-                for (y, j) in range(1) {
-                    for (x, i) in range(0) {
-                        let fraction = match brick {
-                            CoarseBrick::Mixed(fractions) => {
-                                fractions[(k * BRICK_CELLS + j) * BRICK_CELLS + i]
-                            }
-                            _ => FULL,
-                        };
-                        found((z * size + y) * size + x, fraction);
-                    }
-                }
+            // Where this brick begins in the box, and which of its samples lie there.
+            let start = d.map(|d| before as i32 + d * cells);
+            let [xs, ys, zs] =
+                start.map(|start| (-start).max(0) as usize..(size as i32 - start).min(cells) as usize);
+            let at = |a: usize, n: usize| (start[a] + n as i32) as usize;
+            for (k, j) in zs.flat_map(|k| ys.clone().map(move |j| (k, j))) {
+                let row = match brick {
+                    CoarseBrick::Mixed(fractions) => &fractions[(k * BRICK_CELLS + j) * BRICK_CELLS..],
+                    _ => &[FULL; BRICK_CELLS],
+                };
+                found((at(2, k) * size + at(1, j)) * size + at(0, xs.start), &row[xs.clone()]);
             }
         }
     }

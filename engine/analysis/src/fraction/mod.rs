@@ -8,21 +8,23 @@
 //! |---|---|
 //! | `kernel` | the tent by which solid is averaged |
 //! | `leaf` | what one leaf adds, by chords between exact crossings |
+//! | `plan` | which coarse samples the lines of a leaf add to |
+//! | `chords` | the chords along one axis, slice by slice |
 //! | `sharp` | where planes of the fine level agree, so that edges stay sharp |
 //! | `lattice` | all sums, brick by brick, completed as leaves pass in Morton order |
 //! | `tree` | a surface of the fractions as a tree that can be contoured |
 //! | `widen` | wide tents from narrow ones, for cells with several samples |
 //! | `level` | the surface that keeps the volume |
 //! | `size` | the detail at which a mesh has so many triangles |
-//! | `closest` | the distance of points from a mesh |
 //! | `distance` | how far a mesh and the surface of a store are from each other |
 
-mod closest;
+mod chords;
 mod distance;
 mod kernel;
 mod lattice;
 mod leaf;
 mod level;
+mod plan;
 mod sharp;
 mod size;
 #[cfg(test)]

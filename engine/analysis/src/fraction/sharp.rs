@@ -2,7 +2,7 @@
 //! those of the part, so that edges of the part stay sharp.
 
 use super::kernel::{BEFORE, floor};
-use super::leaf::Plan;
+use super::plan::Plan;
 use crate::brick::{Brick, Hermite, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, NodeKey, dot};
 use std::collections::BTreeMap;

@@ -30,7 +30,10 @@ impl Lattice {
     fn widened_brick(&self, key: NodeKey, width: usize) -> Option<CoarseBrick> {
         let size = BRICK_CELLS + 2 * (width - 1);
         let mut sums = vec![0u64; size.pow(3)];
-        self.for_around(key, (width - 1, size), |place, fraction| sums[place] = u64::from(fraction));
+        self.for_around(key, (width - 1, size), |place, fractions| {
+            let row = sums[place..].iter_mut().zip(fractions);
+            row.for_each(|(sum, &fraction)| *sum = u64::from(fraction));
+        });
         // Along x, y and z, each of which leaves 32 samples of its axis.
         let mut sizes = [size; 3];
         for axis in 0..3 {
