@@ -405,10 +405,10 @@ pub fn fine_fractions(
     progress: &dyn Progress,
 ) -> Result<Lattice> {
     let mut lattices = [Lattice::new(tree, tree.deepest_level(), factor / samples, samples)?];
-    // Those of narrow tents and those of wide ones are held together.
-    fill(&mut lattices, tree, memory / 2, progress)?;
+    // Those of narrow tents and those of wide ones are held together, if they differ.
+    fill(&mut lattices, tree, if samples > 1 { memory / 2 } else { memory }, progress)?;
     let [lattice] = lattices;
-    Ok(lattice.widened(samples))
+    Ok(if samples > 1 { lattice.widened(samples) } else { lattice })
 }
 
 /// Sums up what the leaves add.

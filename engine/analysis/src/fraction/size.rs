@@ -31,6 +31,8 @@ const MOST_OFF: f64 = 1e-3;
 const TOLERABLE_OFF: f64 = 1e-2;
 /// Tolerances that are tried at most.
 const TRIES: usize = 9;
+/// The same for meshes that could be written.
+const TRIES_WRITTEN: usize = 6;
 /// A tolerance of so many cells moves nothing: it merges what is flat.
 const NOTHING: f64 = 1e-6;
 /// Fractions that would only make the number right may take so many bytes.
@@ -126,8 +128,8 @@ pub struct DetailRequest<'a> {
 /// A mesh of at most so many triangles and no less than nine tenths of them, where there are so many: the coarsest lattice
 /// that has more of them, and a tolerance that takes away the rest.
 ///
-/// Between two whole numbers of cells triangles may be too many and too few. Then the cells of the coarser one are sampled
-/// more finely. Where flat faces alone take away too much, finer lattices follow.
+/// Between two whole numbers of cells triangles may be too many and too few. Then numbers between them follow that were left
+/// out, and the cells of the coarser one are sampled more finely. Where flat faces alone take away too much, finer lattices follow.
 ///
 /// # Errors
 /// [`Error::Setting`] if no mesh has so few; as [`fractions`] and [`crate::contour::contour`].
@@ -144,11 +146,11 @@ pub fn of_triangles(
     if found.is_flat() {
         found = finer(tree, found, &request, progress)?;
     }
-    for (factor, samples) in well_sampled(found.lattice.factor()) {
+    for cells in between(found.lattice.factor()).into_iter().chain(well_sampled(found.lattice.factor())) {
         if is_done(&found) || found.is_flat() {
             break;
         }
-        found = better_sampled(tree, found, (factor, samples), &request, progress)?;
+        found = better_sampled(tree, found, cells, &request, progress)?;
     }
     Ok(found)
 }
@@ -214,6 +216,12 @@ fn finer(
     Ok(found)
 }
 
+/// Factors below one that were left out on the way to the next smaller one that was tried, with one sample in a cell.
+fn between(factor: u32) -> Vec<(u32, u32)> {
+    let tried = (f64::from(factor) / STEP) as u32;
+    (tried + 1..factor).rev().map(|factor| (factor, 1)).collect()
+}
+
 /// Factors of cells with several samples, and how many, that have more triangles than cells of `factor` with one.
 fn well_sampled(factor: u32) -> Vec<(u32, u32)> {
     match factor {
@@ -222,7 +230,7 @@ fn well_sampled(factor: u32) -> Vec<(u32, u32)> {
     }
 }
 
-/// The mesh of cells with several samples in each, or `found` if that is better.
+/// The mesh of other cells, with several samples in each or one, or `found` if that is better.
 fn better_sampled(
     tree: &dyn BrickTree,
     found: SizedMesh,
@@ -365,15 +373,31 @@ fn fitted(
             None => return Ok(None),
         }
     }
-    // The volume is kept by the mesh that is written.
-    for _ in 0..4 {
+    // The volume is kept by the mesh that is written, which has a few more triangles.
+    let mut best: Option<(LevelSurface, f64)> = None;
+    let (mut low, mut high) = (None, None);
+    for _ in 0..TRIES_WRITTEN {
+        let tolerance = options.tolerance;
         let kept = keep_volume(&lattice, volume, Some(kept.depth), &options, progress)?;
-        if kept.summary.triangles as f64 <= most {
-            return Ok(Some(SizedMesh { lattice, kept, tolerance: options.tolerance }));
+        let triangles = kept.summary.triangles;
+        if triangles as f64 > most {
+            low = Some(tolerance);
+        } else {
+            high = Some(tolerance);
+            if best.as_ref().is_none_or(|(best, _)| triangles > best.summary.triangles) {
+                best = Some((kept, tolerance));
+            }
+            if triangles as f64 >= LEAST_SHARE * most {
+                break;
+            }
         }
-        options.tolerance *= 1.1;
+        options.tolerance = match (low, high) {
+            (Some(low), Some(high)) => (low * high).sqrt(),
+            (Some(low), None) => 1.1 * low,
+            (None, _) => tolerance / 1.1,
+        };
     }
-    Ok(None)
+    Ok(best.map(|(kept, tolerance)| SizedMesh { lattice, kept, tolerance }))
 }
 
 /// The search for a tolerance.
