@@ -79,8 +79,8 @@ pub fn find_chosen(
         let (chosen, kept) = choose(args, (store, &made), output, (options, memory), bars)?;
         Ok((made, chosen, kept))
     };
-    // What was asked for with too few triangles left, and with too many.
-    let (mut low, mut high) = (most, None);
+    // What was asked for with too few triangles left, and with too many, and how many these were.
+    let (mut low, mut high) = ((most, 0), None);
     // What was asked for with the most left that are not too many.
     let (mut best, mut best_ask) = (0, most);
     let (mut ask, mut last) = (most, 0);
@@ -104,21 +104,31 @@ pub fn find_chosen(
         }
         last = all;
         if kept > most {
-            high = Some(ask)
+            high = Some((ask, kept))
         } else {
-            low = ask
+            low = (ask, kept)
         }
         // A mesh has about 0.95 of what is asked for, and so should what is left of it.
-        let guess = all as f64 * most as f64 / kept as f64;
-        let within = high.is_none_or(|high| guess > low as f64 && guess < high as f64);
-        ask = if within { guess } else { (low as f64 * high.unwrap_or(ask) as f64).sqrt() } as u64;
+        let guess = match high {
+            Some(high) if low.1 > 0 => between(low, high, 0.95 * most as f64),
+            _ => all as f64 * most as f64 / kept as f64,
+        };
+        let within = guess > low.0 as f64 && high.is_none_or(|(high, _)| guess < high as f64);
+        let middle = (low.0 as f64 * high.map_or(ask, |(high, _)| high) as f64).sqrt();
+        ask = if within { guess } else { middle } as u64;
     }
     let (made, chosen, _) = make(best_ask)?;
     Ok((made, chosen))
 }
 
+/// What to ask for so that so many triangles are left, between two askings and what they left; not near either.
+fn between(low: (u64, u64), high: (u64, u64), left: f64) -> f64 {
+    let [(low, few), (high, many)] = [low, high].map(|(ask, left)| (ask as f64, left as f64));
+    low + (high - low) * ((left - few) / (many - few)).clamp(0.1, 0.9)
+}
+
 /// How often a mesh is made, because shells or slivers of it are left out.
-const SHELL_TRIES: usize = 4;
+const SHELL_TRIES: usize = 6;
 
 /// The shells of a mesh that are kept, and how many triangles they have in the file.
 fn choose(
