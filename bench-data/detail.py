@@ -6,6 +6,7 @@
     ... --peers                      # decimates the fine mesh of each store, too; names after it are the peers to ask
     ... --peers --cgal cgal_simplify # also by CGAL: bench-data/peers/cgal_simplify.cpp says how to compile it
     venv/bin/python bench-data/detail.py --tetrahedra MESH.stl    # needs `pip install gmsh`
+    venv/bin/python bench-data/detail.py --tetrahedra MESH.ply --others  # needs `pip install tetgen pytetwild pyvista`
 
 Stores are made by `brickfield build`. Prints tables; exit status 1 if a mesh of ours is not sound or not of the size asked for.
 """
@@ -193,6 +194,25 @@ def tetrahedra(path):
     gmsh.finalize()
 
 
+def tetrahedra_of_others(path):
+    """Tetrahedra within a closed mesh with shared vertices, by TetGen, as it is, and by fTetWild, within its envelope."""
+    import numpy as np
+    import pytetwild
+    import pyvista
+    import tetgen
+
+    mesh = pyvista.read(path)
+    began = time.time()
+    points, cells = tetgen.TetGen(mesh).tetrahedralize(order=1, mindihedral=0, minratio=2.0)[:2]
+    corners = [points[cells[:, n]] for n in range(4)]
+    sides = [corner - corners[0] for corner in corners[1:]]
+    volume = abs((np.cross(sides[0], sides[1]) * sides[2]).sum(axis=1)).sum() / 6
+    print(f"{path}: TetGen: {len(cells)} tetrahedra in {time.time() - began:.1f} s, volume {volume:.3f} of {mesh.volume:.3f}")
+    began = time.time()
+    found = pytetwild.tetrahedralize_pv(mesh, edge_length_fac=0.03, quiet=True)
+    print(f"{path}: fTetWild: {found.n_cells} tetrahedra in {time.time() - began:.1f} s, volume {found.volume:.3f}")
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--program", default="target/release/brickfield")
@@ -201,9 +221,10 @@ def main():
     arguments.add_argument("--peers", nargs="*", metavar="NAME")
     arguments.add_argument("--cgal", help="the compiled cgal_simplify.cpp, with --peers")
     arguments.add_argument("--tetrahedra", type=pathlib.Path)
+    arguments.add_argument("--others", action="store_true")
     chosen = arguments.parse_args()
     if chosen.tetrahedra:
-        return tetrahedra(chosen.tetrahedra)
+        return (tetrahedra_of_others if chosen.others else tetrahedra)(chosen.tetrahedra)
     are_right = True
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
