@@ -12,6 +12,7 @@ Stores are made by `brickfield build`. Prints tables; exit status 1 if a mesh of
 """
 
 import argparse
+import contextlib
 import json
 import pathlib
 import subprocess
@@ -209,7 +210,9 @@ def tetrahedra_of_others(path):
     volume = abs((np.cross(sides[0], sides[1]) * sides[2]).sum(axis=1)).sum() / 6
     print(f"{path}: TetGen: {len(cells)} tetrahedra in {time.time() - began:.1f} s, volume {volume:.3f} of {mesh.volume:.3f}")
     began = time.time()
-    found = pytetwild.tetrahedralize_pv(mesh, edge_length_fac=0.03, quiet=True)
+    # It leaves files where it runs.
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        found = pytetwild.tetrahedralize_pv(mesh, edge_length_fac=0.03, quiet=True)
     print(f"{path}: fTetWild: {found.n_cells} tetrahedra in {time.time() - began:.1f} s, volume {found.volume:.3f}")
 
 
