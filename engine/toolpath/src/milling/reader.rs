@@ -253,7 +253,8 @@ impl<'a> Reader<'a> {
                 40 => takes_words = true,
                 // Length of the tool: the tip goes where it is told to. Speeds, ways to round corners, and the like.
                 430 | 434 | 435 | 490 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150 => {}
-                760 if values.any(b"HK") => {
+                // Of mills K repeats the hole, and I and J lead away from its wall.
+                760 if b"IJK".iter().all(|letter| values.get(*letter).is_some()) => {
                     let what = "cuts a thread, as on lathes, which is not read";
                     return Err(self.out.refused(text, what, "give a program of a mill, where G76 bores"));
                 }

@@ -261,6 +261,8 @@ fn fine_boring_goes_where_drilling_does() {
     let holes = "X5 Y5 Z-3 R1 F50\nX8\nG80\n";
     let drilled = ends(&format!("G0 X0 Y0 Z10\nG98 G81 {holes}"));
     assert_eq!(ends(&format!("G0 X0 Y0 Z10\nG98 G76 Q0.1 {holes}")), drilled);
+    let twice = |code: &str| ends(&format!("G0 X0 Y0 Z10\n{code} X5 Y5 Z-3 R1 K2\n"));
+    assert_eq!(twice("G76 Q0.1"), twice("G81"));
     let error = read_text("G0 X0 Y0 Z10\nG76 P1 Z-9 I-1 J0.2 K1 Q30\n").unwrap_err().to_string();
     assert!(error.contains("cuts a thread"), "{error}");
 }
