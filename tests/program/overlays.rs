@@ -1,6 +1,7 @@
 //! `render --style` and `slice --style` of what analyses find: colours held against tables and against shapes whose
 //! thickness and deviation are known.
 
+use super::voids::cavity_behind_a_throat;
 use crate::support::*;
 use brickfield_bench_data::{Mesh, shapes, write};
 use brickfield_engine::overlay::{Change, DeviationScale, ThicknessScale, class_colour, size_along};
@@ -142,18 +143,10 @@ fn sections_fill_voids_and_number_them_as_the_table_does() {
     assert_eq!((seen.count(size_along(1.0)), seen.count([0; 3])), (0, 0));
 }
 
-/// A cavity of 6³ whose channel, 1.2 wide, leads outside: no void, but behind a throat.
 #[test]
 fn voids_behind_throats_are_filled_if_they_are_asked_for() {
     let dir = Scratch::new();
-    let cavity = shapes::cuboid([7.1; 3], [13.1; 3]);
-    let channel = shapes::cuboid([12.0, 9.6, 9.6], [21.0, 10.8, 10.8]);
-    let pieces = [shapes::cuboid([0.0; 3], [20.0; 3]), cavity.flipped(), channel.flipped()];
-    let (mesh, store, out) = (dir.path("a.stl"), dir.path("a.brf"), dir.path("v.png"));
-    let mut bytes = Vec::new();
-    write::stl(&mut bytes, &Mesh::merged(&pieces)).unwrap();
-    std::fs::write(&mesh, bytes).unwrap();
-    run(&[&"build", &mesh, &"-o", &store, &"-q", &"--cell", &"0.25"]).ok_but_for("inside out");
+    let (store, out) = (cavity_behind_a_throat(&dir), dir.path("v.png"));
     let section = ["--z", "10.2", "--style", "voids", "--pixel", "0.05", "--no-legend"];
     for (closing, few, many) in [("1", 0.0, 0.0), ("2", 36.0, 48.0)] {
         let seen = draw("slice", &store, &out, &[&section[..], &["--closing", closing]].concat());

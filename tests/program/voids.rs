@@ -153,15 +153,20 @@ fn voids_of_parts_far_from_the_origin_have_the_same_sizes() {
     }
 }
 
-#[test]
-fn a_void_behind_a_throat_is_listed_if_that_is_narrow_enough() {
-    let dir = Scratch::new();
+/// A store of a cavity of 6³ whose channel, 1.2 wide, leads outside: no void, but behind a throat.
+pub fn cavity_behind_a_throat(dir: &Scratch) -> std::path::PathBuf {
     let cavity = shapes::cuboid([7.1; 3], [13.1; 3]);
     let channel = shapes::cuboid([12.0, 9.6, 9.6], [21.0, 10.8, 10.8]);
     let pieces = [shapes::cuboid([0.0; 3], [20.0; 3]), cavity.flipped(), channel.flipped()];
-    let (part, out) = (dir.path("a.brf"), dir.path("v.json"));
-    let model = written(dir.path("a.stl"), &pieces);
+    let (part, model) = (dir.path("a.brf"), written(dir.path("a.stl"), &pieces));
     run(&[&"build", &model, &"-o", &part, &"--cell", &"0.25", &"-q"]).ok_but_for("inside out");
+    part
+}
+
+#[test]
+fn a_void_behind_a_throat_is_listed_if_that_is_narrow_enough() {
+    let dir = Scratch::new();
+    let (part, out) = (cavity_behind_a_throat(&dir), dir.path("v.json"));
     run(&[&"voids", &part, &"-o", &out, &"-q"]).ok();
     assert_eq!(json(&out)["count"], 0);
     run(&[&"voids", &part, &"-o", &out, &"--closing", &"1", &"-q"]).ok();

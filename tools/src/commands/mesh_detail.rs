@@ -84,7 +84,7 @@ pub fn find_chosen(
     // What was asked for with the most left that are not too many.
     let (mut best, mut best_ask) = (0, most);
     let (mut ask, mut last) = (most, 0);
-    for _ in 0..SHELL_TRIES {
+    for left in (0..SHELL_TRIES).rev() {
         let (made, chosen, kept) = make(ask)?;
         if kept <= most && kept > best {
             (best, best_ask) = (kept, ask);
@@ -96,7 +96,7 @@ pub fn find_chosen(
         if args.detail.is_some() || kept == 0 || kept <= most && !is_small {
             return Ok((made, chosen));
         }
-        if made.is_flat() || is_all {
+        if made.is_flat() || is_all || left == 0 {
             if ask == best_ask {
                 return Ok((made, chosen));
             }

@@ -150,7 +150,7 @@ pub fn of_triangles(
         if is_done(&found) || found.is_flat() {
             break;
         }
-        found = better_sampled(tree, found, cells, &request, progress)?;
+        found = in_other_cells(tree, found, cells, &request, progress)?;
     }
     Ok(found)
 }
@@ -231,7 +231,7 @@ fn well_sampled(factor: u32) -> Vec<(u32, u32)> {
 }
 
 /// The mesh of other cells, with several samples in each or one, or `found` if that is better.
-fn better_sampled(
+fn in_other_cells(
     tree: &dyn BrickTree,
     found: SizedMesh,
     cells: (u32, u32),

@@ -5,7 +5,7 @@ use super::components::Components;
 use super::crossing::each_crossing;
 use super::labelling::Labelling;
 use super::points::{OUTER, Point};
-use super::pores::Pores;
+use super::pores::{Pores, component_at, place_of};
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::progress::Progress;
@@ -51,11 +51,8 @@ pub(super) fn boundaries(
         each_crossing(leaf.key, leaf.brick, |crossing| {
             let mut outer = crossing.low;
             outer[crossing.axis.index()] += usize::from(crossing.low_is_inside);
-            let component = labelling.of(number, components.at(outer)).or_else(|| {
-                let step = f64::from(1u32 << leaf.key.spacing_bits());
-                let at = [0, 1, 2].map(|a| f64::from(leaf.key.base()[a]) + outer[a] as f64 * step);
-                Some(labelling.components.len() + pores?.at(at)?)
-            });
+            let label = (number, components.at(outer));
+            let component = component_at(labelling, pores, label, || place_of(leaf.key, outer));
             if component.is_some_and(|c| c < labelling.components.len() && !is_void(c)) {
                 return;
             }

@@ -2,8 +2,9 @@
 
 use super::components::Components;
 use super::find::Voids;
+use super::pores::{component_at, place_of};
 use crate::error::Result;
-use crate::lattice::{BRICK_CELLS, NodeKey};
+use crate::lattice::BRICK_CELLS;
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf};
 
@@ -38,16 +39,16 @@ pub fn write_labels(
             let mut row: Vec<u8> = Vec::with_capacity(BRICK_CELLS * step * LABEL_BYTES);
             for run in components.row(j, k) {
                 let own = usize::from(run.from)..usize::from(run.to).min(BRICK_CELLS);
-                match (labelling.of(number, run.label), &found.pores) {
-                    (None, Some(pores)) => own.for_each(|i| {
-                        let pore = pores.at(sample_of(leaf.key, [i, j, k]));
-                        let void = pore.map_or(0, |pore| numbers[labelling.components.len() + pore]);
-                        row.extend(void.to_le_bytes().repeat(step));
-                    }),
-                    (component, _) => {
-                        let void = component.map_or(0, |c| numbers[c]);
-                        row.extend(void.to_le_bytes().repeat(own.len() * step));
-                    }
+                let void = |i: usize| {
+                    let place = || place_of(leaf.key, [i, j, k]);
+                    let component = component_at(labelling, found.pores.as_ref(), (number, run.label), place);
+                    component.map_or(0, |c| numbers[c]).to_le_bytes()
+                };
+                // Samples outside may belong to several pores.
+                if found.pores.is_some() && labelling.of(number, run.label).is_none() {
+                    own.for_each(|i| row.extend(void(i).repeat(step)));
+                } else {
+                    row.extend(void(own.start).repeat(own.len() * step));
                 }
             }
             if row.iter().all(|byte| *byte == 0) {
@@ -61,10 +62,4 @@ pub fn write_labels(
         Ok(())
     };
     labelling.visit_some(tree, is_void, ("labels of voids", progress), make, |()| Ok(()))
-}
-
-/// Where a sample lies, in units from the root's first sample.
-fn sample_of(key: NodeKey, at: [usize; 3]) -> [f64; 3] {
-    let spacing = f64::from(1u32 << key.spacing_bits());
-    std::array::from_fn(|a| f64::from(key.base()[a]) + at[a] as f64 * spacing)
 }

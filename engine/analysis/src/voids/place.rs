@@ -2,6 +2,7 @@
 
 use super::components::Components;
 use super::find::Voids;
+use super::pores::{component_at, place_of};
 use crate::error::Result;
 use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::store::{BrickCache, BrickTree};
@@ -24,9 +25,8 @@ impl<'a> VoidPlaces<'a> {
         let (labelling, numbers) = (&found.labelling, found.numbers());
         let has_pore = |leaf: usize| {
             let key = labelling.order.keys()[leaf];
-            let size = (BRICK_CELLS as f64) * f64::from(1u32 << key.spacing_bits());
-            let low = key.base().map(f64::from);
-            found.pores.as_ref().is_some_and(|pores| pores.any_in(low, low.map(|c| c + size)))
+            let [low, high] = [0, BRICK_CELLS].map(|end| place_of(key, [end; 3]));
+            found.pores.as_ref().is_some_and(|pores| pores.any_in(low, high))
         };
         let has_outer = |leaf: usize| labelling.in_leaf(leaf).any(|c| c.is_none());
         let has_void = |leaf: usize| {
@@ -75,16 +75,15 @@ impl<'a> VoidPlaces<'a> {
         };
         let (base, spacing) = (key.base().map(f64::from), f64::from(1u32 << key.spacing_bits()));
         let local: [f64; 3] = std::array::from_fn(|a| (at[a] - base[a]) / spacing);
-        Ok(nearest_void(&components, local).map_or(0, |(label, sample)| {
-            self.number_of(leaf, label, std::array::from_fn(|a| base[a] + sample[a] as f64 * spacing))
-        }))
+        Ok(nearest_void(&components, local)
+            .map_or(0, |(label, sample)| self.number_of(leaf, label, place_of(key, sample))))
     }
 
-    /// The number of what a component of a leaf belongs to, or where that is the outside, of the pore at a place in void.
-    fn number_of(&self, leaf: usize, label: u16, at: [f64; 3]) -> u32 {
+    /// The number of the void that a place with a label in a leaf belongs to.
+    fn number_of(&self, leaf: usize, label: u16, place: [f64; 3]) -> u32 {
         let Voids { labelling, pores, .. } = self.found;
-        let pore = || Some(labelling.components.len() + pores.as_ref()?.at(at)?);
-        labelling.of(leaf, label).or_else(pore).map_or(0, |component| self.numbers[component])
+        let component = component_at(labelling, pores.as_ref(), (leaf, label), || place);
+        component.map_or(0, |component| self.numbers[component])
     }
 }
 

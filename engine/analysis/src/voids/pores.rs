@@ -5,6 +5,7 @@
 //! is known from one sort. Samples that are nearer to solid fill the basins afterwards, so each has its whole volume.
 
 use super::cad::CadBrick;
+use super::labelling::Labelling;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
 use crate::progress::Progress;
@@ -68,9 +69,14 @@ impl Pores {
         self.root.spacing(self.level)
     }
 
+    /// The distance of samples, in units.
+    fn step(&self) -> f64 {
+        f64::from(1u32 << crate::lattice::spacing_bits(self.level))
+    }
+
     /// The pore of the sample that is nearest to a lattice position from the root's first sample, not above it.
     pub fn at(&self, units: [f64; 3]) -> Option<usize> {
-        let step = f64::from(1u32 << crate::lattice::spacing_bits(self.level));
+        let step = self.step();
         let mut index = 0;
         for a in [2, 1, 0] {
             let at = ((units[a] / step).round() as usize).checked_sub(self.first[a])?;
@@ -84,7 +90,7 @@ impl Pores {
 
     /// Whether a sample of a pore is nearest to a place in a box, in units from the root's first sample.
     pub fn any_in(&self, low: [f64; 3], high: [f64; 3]) -> bool {
-        let step = f64::from(1u32 << crate::lattice::spacing_bits(self.level));
+        let step = self.step();
         let within = |at: f64, a: usize| {
             ((at / step).round() - self.first[a] as f64).clamp(0.0, self.size[a] as f64) as usize
         };
@@ -109,7 +115,7 @@ impl Pores {
     }
 
     fn world(&self, at: [f64; 3]) -> [f64; 3] {
-        let step = f64::from(1u32 << crate::lattice::spacing_bits(self.level));
+        let step = self.step();
         self.root.to_world([0, 1, 2].map(|a| (self.first[a] as f64 + at[a]) * step + 1.0))
     }
 
@@ -120,6 +126,23 @@ impl Pores {
     pub fn bounds(&self, pore: &Pore) -> [[f64; 3]; 2] {
         [self.world(pore.low.map(|c| c as f64 - 0.5)), self.world(pore.high.map(|c| c as f64 + 0.5))]
     }
+}
+
+/// What a sample of void in a leaf belongs to: the component that it is labelled with, or where that is the outside, a pore at
+/// its place. Pores are numbered behind the components.
+pub(super) fn component_at(
+    labelling: &Labelling,
+    pores: Option<&Pores>,
+    (leaf, label): (usize, u16),
+    place: impl FnOnce() -> [f64; 3],
+) -> Option<usize> {
+    labelling.of(leaf, label).or_else(|| Some(labelling.components.len() + pores?.at(place())?))
+}
+
+/// Where a sample of a leaf lies, in units from the root's first sample.
+pub(super) fn place_of(key: NodeKey, sample: [usize; 3]) -> [f64; 3] {
+    let step = f64::from(1u32 << key.spacing_bits());
+    [0, 1, 2].map(|a| f64::from(key.base()[a]) + sample[a] as f64 * step)
 }
 
 /// The pores whose throat is less than `closing` wide, in the store's unit. The grid is the deepest level that `memory`

@@ -79,6 +79,11 @@ impl Values {
     fn any(&self, letters: &[u8]) -> bool {
         letters.iter().any(|letter| self.0.contains_key(letter))
     }
+
+    /// The axes that are named, with their values.
+    fn axes(&self) -> impl Iterator<Item = (usize, f64)> {
+        b"XYZ".iter().enumerate().filter_map(|(a, letter)| Some((a, self.get(*letter)?)))
+    }
 }
 
 impl<'a> Reader<'a> {
@@ -323,10 +328,8 @@ impl<'a> Reader<'a> {
         let number = values.get(b'P').map(|p| p as usize);
         match (values.get(b'L').map(|l| l as i64), number) {
             (Some(2), Some(number @ 0..=9)) => {
-                for (a, letter) in b"XYZ".iter().enumerate() {
-                    if let Some(value) = values.get(*letter) {
-                        self.frame.set_system(number.checked_sub(1), a, value * self.unit);
-                    }
+                for (a, value) in values.axes() {
+                    self.frame.set_system(number.checked_sub(1), a, value * self.unit);
                 }
                 Ok(())
             }
@@ -343,8 +346,8 @@ impl<'a> Reader<'a> {
 
     /// G92 names the present place.
     fn set_shift(&mut self, values: &Values) {
-        for (a, letter) in b"XYZ".iter().enumerate() {
-            if let (Some(value), Some(at)) = (values.get(*letter), self.at[a]) {
+        for (a, value) in values.axes() {
+            if let Some(at) = self.at[a] {
                 self.frame.name_place(a, at, value * self.unit);
             }
         }
@@ -352,11 +355,7 @@ impl<'a> Reader<'a> {
 
     /// G52 moves the zero of all work offsets.
     fn set_local(&mut self, values: &Values) {
-        for (a, letter) in b"XYZ".iter().enumerate() {
-            if let Some(value) = values.get(*letter) {
-                self.frame.set_local(a, value * self.unit);
-            }
-        }
+        values.axes().for_each(|(a, value)| self.frame.set_local(a, value * self.unit));
     }
 
     /// Home, along the axes that are named, or all: where that is, no program tells.
@@ -368,30 +367,24 @@ impl<'a> Reader<'a> {
     /// A move in the machine's coordinates, which say nothing of the part.
     fn forget(&mut self, values: &Values) {
         self.tip = None;
-        for (a, letter) in b"XYZ".iter().enumerate() {
-            if values.get(*letter).is_some() {
-                self.at[a] = None;
-            }
-        }
+        values.axes().for_each(|(a, _)| self.at[a] = None);
     }
 
     /// Where the words of a line lead, axis by axis.
     fn target(&self, values: &Values) -> Result<[Option<f64>; 3]> {
         let from = self.frame.programmed(self.at);
         let mut to = from;
-        for (a, letter) in b"XYZ".iter().enumerate() {
-            let Some(value) = values.get(*letter).map(|value| value * self.unit) else { continue };
+        for (a, value) in values.axes() {
+            let (value, letter) = (value * self.unit, &b"XYZ"[a..=a]);
             to[a] = match (self.relative, from[a]) {
                 (false, _) => Some(value + self.frame.origin(a)),
                 (true, Some(at)) => Some(at + value),
                 (true, None) => {
-                    return Err(self
-                        .out
-                        .fault(&[*letter], "counts from a place that the program does not tell"));
+                    return Err(self.out.fault(letter, "counts from a place that the program does not tell"));
                 }
             };
             if to[a].is_some_and(is_far) {
-                return Err(self.out.fault(&[*letter], "is out of range"));
+                return Err(self.out.fault(letter, "is out of range"));
             }
         }
         // What is not named keeps its place to the last bit.
@@ -462,7 +455,8 @@ impl<'a> Reader<'a> {
 
     fn arc(&mut self, values: &Values, clockwise: bool) -> Result<()> {
         let to = self.target(values)?;
-        let (Some(from), Some(end)) = (known(self.at), known(to)) else {
+        let programmed = known(self.frame.programmed(self.at));
+        let (Some(from), Some(programmed), Some(end)) = (known(self.at), programmed, known(to)) else {
             return Err(self.out.fault(b"G2", "begins at a place that the program does not tell"));
         };
         // The plane's axes, so that counter-clockwise is seen against its normal.
@@ -471,16 +465,13 @@ impl<'a> Reader<'a> {
             1 => (2, 0),
             _ => (1, 2),
         };
-        let programmed = self.frame.programmed(self.at);
         let centre = match values.get(b'R') {
             Some(radius) => Centre::Radius(radius * self.unit),
             None => {
                 let offset = |a: usize| {
                     let value = values.get(b"IJK"[a]).map(|value| value * self.unit);
                     match (value, self.absolute_centres) {
-                        (Some(value), true) => {
-                            value + self.frame.origin(a) - programmed[a].unwrap_or(from[a])
-                        }
+                        (Some(value), true) => value + self.frame.origin(a) - programmed[a],
                         (Some(value), false) => value,
                         (None, _) => 0.0,
                     }

@@ -30,6 +30,13 @@ pub(super) fn told(m: &Move) -> String {
     format!("{}{:?}", if m.rapid { "R" } else { "" }, m.to.map(|c| (c * 1e3).round() / 1e3))
 }
 
+/// Holds a file that cannot be followed against words by which that is told, in one line.
+pub(super) fn is_refused(name: &str, text: &str, words: &[&str]) {
+    let error = read_named(name, text.as_bytes()).unwrap_err().to_string();
+    assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
+    assert_eq!(error.lines().count(), 1, "{text}: {error}");
+}
+
 /// Ends of moves.
 pub(super) fn ends(text: &str) -> Vec<String> {
     let program = read_text(text).unwrap_or_else(|error| panic!("{error}"));
@@ -194,9 +201,7 @@ fn what_cannot_be_followed_names_line_and_word() {
         ("G0 X0 Y0 Z0\nG1 X#5\n", ["line 2", "X#5"]),
         ("(nothing)\n", ["end", "has no moves"]),
     ] {
-        let error = read_text(text).unwrap_err().to_string();
-        assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
-        assert_eq!(error.lines().count(), 1);
+        is_refused("p.nc", text, &words);
     }
 }
 
@@ -251,8 +256,7 @@ fn rotations_that_cannot_be_followed_are_told() {
         ("G0 Z0\nG68 X0 Y0 R5\nG1 X5\n", ["line 3", "does not tell"]),
         ("G0 X0 Y0 Z0\nG68.2 X0 Y0 Z0 I1 J2 K3\n", ["line 2", "is not read"]),
     ] {
-        let error = read_text(text).unwrap_err().to_string();
-        assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
+        is_refused("p.nc", text, &words);
     }
 }
 
@@ -263,6 +267,5 @@ fn fine_boring_goes_where_drilling_does() {
     assert_eq!(ends(&format!("G0 X0 Y0 Z10\nG98 G76 Q0.1 {holes}")), drilled);
     let twice = |code: &str| ends(&format!("G0 X0 Y0 Z10\n{code} X5 Y5 Z-3 R1 K2\n"));
     assert_eq!(twice("G76 Q0.1"), twice("G81"));
-    let error = read_text("G0 X0 Y0 Z10\nG76 P1 Z-9 I-1 J0.2 K1 Q30\n").unwrap_err().to_string();
-    assert!(error.contains("cuts a thread"), "{error}");
+    is_refused("p.nc", "G0 X0 Y0 Z10\nG76 P1 Z-9 I-1 J0.2 K1 Q30\n", &["cuts a thread"]);
 }
