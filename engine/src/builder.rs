@@ -5,6 +5,7 @@ use crate::build::{
     build_inputs_in_memory, build_mixed, build_mixed_in_memory, build_opened,
 };
 use crate::ingest::{CloudInput, Input, PointCloud};
+use crate::large_array::ArrayRoom;
 use crate::octree::Octree;
 use crate::solid::Outline;
 use crate::{Error, Progress, Result, Silent};
@@ -80,7 +81,7 @@ impl<'p> Builder<'p> {
 
     /// Adds points of a surface in memory, with an outward normal of any length for each. Without normals they are estimated.
     pub fn points(mut self, points: Vec<[f64; 3]>, normals: Vec<[f64; 3]>) -> Self {
-        self.sources.push(Source::Points(PointCloud { points, normals }));
+        self.sources.push(Source::Points(PointCloud::of(points, normals)));
         self
     }
 
@@ -146,7 +147,8 @@ impl<'p> Builder<'p> {
     /// final name unless the build succeeds.
     pub fn write(self, path: impl AsRef<Path>) -> Result<Octree> {
         let path = path.as_ref();
-        let (inputs, mut options, progress) = self.open()?;
+        let room = self.options.resources.array_room(path);
+        let (inputs, mut options, progress) = self.open(&room)?;
         match inputs {
             OpenInputs::Meshes(inputs) => build_opened(&inputs, path, &options, progress)?,
             OpenInputs::Clouds(clouds) => {
@@ -168,7 +170,7 @@ impl<'p> Builder<'p> {
     /// # Errors
     /// As [`Self::write`].
     pub fn in_memory(self) -> Result<Octree> {
-        let (inputs, options, progress) = self.open()?;
+        let (inputs, options, progress) = self.open(&ArrayRoom::unbounded())?;
         let TreeInMemory { tree, bounds } = match inputs {
             OpenInputs::Meshes(inputs) => build_inputs_in_memory(&inputs, &options, progress)?,
             OpenInputs::Clouds(clouds) => {
@@ -184,7 +186,7 @@ impl<'p> Builder<'p> {
     }
 
     /// The inputs, opened, and the settings that fit them.
-    fn open(self) -> Result<(OpenInputs, BuildOptions, &'p dyn Progress)> {
+    fn open(self, room: &ArrayRoom) -> Result<(OpenInputs, BuildOptions, &'p dyn Progress)> {
         let Builder { sources, mut options, has_error, solids, progress } = self;
         if sources.is_empty() {
             return Err(Error::setting("there is no input", "add a file, triangles or points"));
@@ -192,7 +194,7 @@ impl<'p> Builder<'p> {
         let open = |source: Source| {
             Ok(match source {
                 Source::File(path) if CloudInput::is_one(&path)? => {
-                    MixedInput::Cloud(CloudInput::open(&path, progress)?)
+                    MixedInput::Cloud(CloudInput::open_within(&path, room, progress)?)
                 }
                 Source::File(path) => MixedInput::Mesh(Input::open(&path, progress)?),
                 Source::Triangles(vertices, triangles) => {

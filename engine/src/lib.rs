@@ -103,7 +103,7 @@ pub use brickfield_builder::{backend, build, volumes};
 #[cfg(feature = "splats")]
 pub use brickfield_coding::{bsp, picks};
 pub use brickfield_core::lattice::Axis;
-pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, lattice, mmap, part};
+pub use brickfield_core::{Error, ErrorKind, Progress, Result, Silent, large_array, lattice, mmap, part};
 #[cfg(feature = "export")]
 pub use brickfield_export::{export, import};
 pub use brickfield_gpu::gpu;

@@ -5,8 +5,9 @@ use brickfield_bench_data::Rng;
 use brickfield_bench_data::inputs::torus_points;
 use brickfield_engine::Silent;
 use brickfield_engine::brick::{Brick, SignChanges};
-use brickfield_engine::build::{TreeOptions, build_cloud_in_memory};
-use brickfield_engine::ingest::PointCloud;
+use brickfield_engine::build::{BuildOptions, Resolution, TreeOptions, build_cloud_in_memory, build_clouds};
+use brickfield_engine::ingest::{CloudInput, PointCloud};
+use brickfield_engine::large_array::ArrayRoom;
 use brickfield_engine::lattice::{Axis, BRICK_POINTS, ROOT_BITS, RootCube};
 use brickfield_engine::store::{MemoryTree, Refine};
 use brickfield_engine::winding::{CloudField, Surfel, Surfels};
@@ -14,9 +15,8 @@ use std::f64::consts::PI;
 
 /// Points scattered over a torus with radii of 10 and 4, and its normals.
 pub fn torus(count: usize, seed: u64) -> PointCloud {
-    let mut cloud = PointCloud::default();
-    (cloud.points, cloud.normals) = torus_points(seed).take(count).unzip();
-    cloud
+    let (points, normals) = torus_points(seed).take(count).unzip();
+    PointCloud::of(points, normals)
 }
 
 struct Scene {
@@ -26,13 +26,13 @@ struct Scene {
 
 impl Scene {
     fn of(cloud: &PointCloud) -> Scene {
-        let surfels = Surfels::of(cloud, &Silent).unwrap();
+        let surfels = Surfels::of(cloud.clone(), &Silent).unwrap();
         let (min, max) = surfels.bounds();
         Scene { root: RootCube::around(min, max).unwrap(), surfels }
     }
 
     fn tree(&self, options: TreeOptions, error: f64) -> MemoryTree {
-        build_cloud_in_memory(&self.surfels, self.root, options, error).unwrap()
+        build_cloud_in_memory(self.surfels.clone(), self.root, options, error).unwrap()
     }
 
     fn w(&self, p: [i32; 3]) -> f64 {
@@ -79,10 +79,11 @@ fn samples_are_within_the_bound() {
     let mut two = torus(700, 1);
     // A second one through it, facing inward, one point far off, and one twice.
     let other = torus(300, 2);
-    two.points.extend(other.points.iter().map(|p| [p[0] + 9.0, p[2], p[1]]));
-    two.normals.extend(other.normals.iter().map(|n| [-n[0], -n[2], -n[1]]));
-    two.points.extend([[30.0, 20.0, 10.0], two.points[0]]);
-    two.normals.extend([[0.0, 0.6, 0.8], two.normals[0]]);
+    for (p, n) in other.points.iter().zip(&other.normals) {
+        two.push([p[0] + 9.0, p[2], p[1]], Some([-n[0], -n[2], -n[1]])).unwrap();
+    }
+    two.push([30.0, 20.0, 10.0], Some([0.0, 0.6, 0.8])).unwrap();
+    two.push(two.points[0], Some(two.normals[0])).unwrap();
     for (cloud, depth, error) in [(torus(2000, 3), 1, 1e-3), (two, 2, 0.02), (torus(200, 4), 0, 3e-4)] {
         let scene = Scene::of(&cloud);
         let tree = scene.tree(TreeOptions { depth, ..Default::default() }, error);
@@ -98,7 +99,7 @@ fn samples_are_within_the_bound() {
 fn stores_hold_what_points_are_told() {
     let scene = Scene::of(&torus(1000, 6));
     let tree = scene.tree(TreeOptions { depth: 1, ..Default::default() }, 0.01);
-    let field = CloudField::new(&scene.surfels, scene.root);
+    let field = CloudField::new(&scene.surfels, scene.root).unwrap();
     let (mut points, mut stored) = (Vec::new(), Vec::new());
     for (key, _, brick) in nodes(&tree) {
         for at in 1..11 {
@@ -117,12 +118,40 @@ fn stores_hold_what_points_are_told() {
     }
 }
 
+/// Stores do not tell whether points were in memory or in files.
+#[test]
+fn points_in_files_give_the_same_store() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("scan.xyz");
+    let cloud = torus(1000, 8);
+    let line = |(p, n): (&[f64; 3], &[f64; 3])| {
+        let words: Vec<String> = p.iter().chain(n).map(f64::to_string).collect();
+        words.join(" ") + "\n"
+    };
+    let text: String = cloud.points.iter().zip(&cloud.normals).map(line).collect();
+    std::fs::write(&path, text).unwrap();
+    for estimate in [false, true] {
+        let built = |bytes: u64| {
+            let room = ArrayRoom::new(bytes, dir.path());
+            let input = CloudInput::open_within(&path, &room, &Silent).unwrap();
+            let output = dir.path().join("scan.brf");
+            let options =
+                BuildOptions { gwn_error: 0.05, resolution: Resolution::Depth(1), ..BuildOptions::default() };
+            build_clouds(vec![input], estimate, &output, &options, &Silent).unwrap();
+            std::fs::read(output).unwrap()
+        };
+        let whole = built(u64::MAX);
+        assert!(built(0) == whole && built(40_000) == whole);
+    }
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
+}
+
 /// Bricks are divided where samples may miss a point, and where they bend by more than the error; not where points are
 /// many cells apart.
 #[test]
 fn bricks_are_divided_down_to_what_samples_show() {
     let grid = (0..81).map(|i| [f64::from(i % 9), f64::from(i / 9), 0.0]).collect();
-    let scene = Scene::of(&PointCloud { points: grid, normals: vec![[0.0, 0.0, 1.0]; 81] });
+    let scene = Scene::of(&PointCloud::of(grid, vec![[0.0, 0.0, 1.0]; 81]));
     assert_eq!(scene.surfels.spacing, 1.0);
     let coarse = scene.tree(TreeOptions { depth: 3, ..Default::default() }, 0.5);
     assert_eq!(nodes(&coarse).len(), 1, "balls are wider than four cells of the root");

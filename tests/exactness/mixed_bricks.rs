@@ -23,7 +23,7 @@ struct MixedScene {
 
 impl MixedScene {
     fn of(cloud: &PointCloud, soup: Vec<Facet>) -> MixedScene {
-        let surfels = Surfels::of(cloud, &Silent).unwrap();
+        let surfels = Surfels::of(cloud.clone(), &Silent).unwrap();
         let (a, b) = (surfels.bounds(), bounds(&soup));
         let min = std::array::from_fn(|i| f64::min(a.0[i], b.0[i]));
         let max = std::array::from_fn(|i| f64::max(a.1[i], b.1[i]));
@@ -31,7 +31,8 @@ impl MixedScene {
     }
 
     fn tree(&self, options: TreeOptions, error: f64) -> MemoryTree {
-        build_cloud_and_soup_in_memory(&self.surfels, &[&self.soup], self.root, options, error).unwrap()
+        build_cloud_and_soup_in_memory(self.surfels.clone(), &[&self.soup], self.root, options, error)
+            .unwrap()
     }
 
     fn oracle(&self) -> Oracle {
@@ -58,7 +59,7 @@ fn torus_among_boxes(seed: u64, points: usize, lost: f64) -> MixedScene {
     let (low, high) = bounds(&soup);
     let scale = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max) / 20.0;
     let mut cloud = torus(points, seed);
-    for p in &mut cloud.points {
+    for p in cloud.points.iter_mut() {
         *p = std::array::from_fn(|a| 0.5 * (low[a] + high[a]) + scale * p[a]);
     }
     MixedScene::of(&cloud, without(soup, lost, seed))

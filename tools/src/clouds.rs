@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::output::warn;
 use brickfield_engine::build::MixedInput;
 use brickfield_engine::ingest::{CloudInput, Input};
+use brickfield_engine::large_array::ArrayRoom;
 use brickfield_engine::{Error, Progress};
 use std::path::PathBuf;
 
@@ -46,13 +47,17 @@ impl TypedInputs {
     }
 }
 
-/// Opens point clouds, and says what the user should know of them.
+/// Opens point clouds, each array of which has so much room in memory, and says what the user should know of them.
 ///
 /// # Errors
 /// If one cannot be read.
-pub fn open_clouds(paths: &[PathBuf], progress: &dyn Progress) -> Result<Vec<CloudInput>, Failure> {
-    let opened: Vec<CloudInput> =
-        paths.iter().map(|path| CloudInput::open(path, progress)).collect::<Result<_, Error>>()?;
+pub fn open_clouds(
+    paths: &[PathBuf],
+    room: &ArrayRoom,
+    progress: &dyn Progress,
+) -> Result<Vec<CloudInput>, Failure> {
+    let open = |path: &PathBuf| CloudInput::open_within(path, room, progress);
+    let opened: Vec<CloudInput> = paths.iter().map(open).collect::<Result<_, Error>>()?;
     for input in &opened {
         input.warnings().iter().for_each(|told| warn(&format!("{}: {told}", input.path().display())));
     }

@@ -23,6 +23,10 @@ const BYTES_A_SEGMENT_IDENTIFIED: u64 = 120;
 /// Point clouds with their clusters and the points of two levels at once. Measured on a million points: 277 MB in all, and
 /// 379 MB where normals are found from neighbours.
 const BYTES_A_POINT: u64 = 400;
+/// The same where arrays of points lie in temporary files: numbers of the points of two levels, and lists of them.
+const BYTES_A_POINT_KEPT: u64 = 24;
+/// Share of the memory that what is left in memory of such arrays takes at most.
+const ARRAYS_SHARE: u64 = 4;
 /// What a thread needs beside pieces and records: a brick in work, its crossings, tables.
 const BYTES_A_THREAD: u64 = 8 << 20;
 /// Buffers, the program, what the allocator cannot return.
@@ -110,7 +114,9 @@ pub fn require_room_for_points(
     let points: u64 = clouds.iter().map(|input| input.cloud.points.len() as u64).sum();
     let facets: u64 = inputs.iter().map(Input::facets).sum();
     let parsed = inputs.iter().map(Input::heap_bytes).sum();
-    let need = points * BYTES_A_POINT + facets * BYTES_A_FACET_DECIDED + FAR_FIELD_BYTES + BYTES_TO_WORK_WITH;
+    let in_files = points * BYTES_A_POINT_KEPT + budget.map_or(u64::MAX / 2, |size| size.0 / ARRAYS_SHARE);
+    let of_points = in_files.min(points * BYTES_A_POINT);
+    let need = of_points + facets * BYTES_A_FACET_DECIDED + FAR_FIELD_BYTES + BYTES_TO_WORK_WITH;
     match facets {
         0 => left_of(budget, parsed, need, &format!("{points} points"), "give fewer points"),
         _ => left_of(

@@ -8,7 +8,7 @@ pub mod volumes;
 
 #[cfg(test)]
 use brickfield_core::disk;
-use brickfield_core::{error, lattice, mmap, part, progress, schedule, soup};
+use brickfield_core::{error, large_array, lattice, mmap, part, progress, schedule, soup};
 use brickfield_gpu::gpu;
 use brickfield_io::{ingest, pieces};
 use brickfield_mesh::contour;

@@ -5,6 +5,7 @@
 
 pub mod disk;
 pub mod error;
+pub mod large_array;
 pub mod lattice;
 #[allow(unsafe_code)] // maps
 pub mod mmap;

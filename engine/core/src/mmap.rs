@@ -1,4 +1,4 @@
-//! Read-only maps of whole files: the one place beside `gpu` that needs `unsafe`.
+//! Read-only maps of whole files, and maps of temporary ones: the one place beside `gpu` that needs `unsafe`.
 //!
 //! A map lets files larger than memory be read by many threads without a copy: reading a gigabyte from the page cache
 //! takes 20 ms of processor time, copying it out by positioned reads 60 to 100 ms. What a map cannot promise: that nobody
@@ -15,15 +15,16 @@
 //! signal, too. A file that is *replaced*, as programs do that write under another name and rename, stays what it was for
 //! whoever has it open.
 //!
-//! Stores are read by positioned reads unless a map is asked for (`store::Io`). Everything that is written goes through
-//! positioned writes, never through a map.
+//! Stores are read by positioned reads unless a map is asked for (`store::Io`). Everything that is to last goes through
+//! positioned writes, never through a map. What does not fit in memory may be in a map of a temporary file
+//! ([`TemporaryMap`]); the system writes its pages out and drops them where memory is short.
 
 use crate::error::{Error, Result};
 use std::ffi::{c_int, c_void};
 use std::fs::{File, Metadata};
 use std::io::Read;
 use std::mem::MaybeUninit;
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering, fence};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -161,6 +162,78 @@ impl MappedFile {
         if let Some(GuardedMap { map, .. }) = self.map.as_ref().filter(|_| inside) {
             map.advise_range(memmap2::Advice::WillNeed, offset as usize, bytes as usize).ok();
         }
+    }
+}
+
+/// A temporary file without a name, as bytes that can be changed. It grows, and holds zeros where nothing was written.
+///
+/// Its blocks are there before its bytes are, so that a full disk is an error and no signal. If the disk fails later, the
+/// signal ends the program, which is better than zeros in the place of what was written.
+#[derive(Debug)]
+pub struct TemporaryMap {
+    folder: PathBuf,
+    file: File,
+    map: Option<memmap2::MmapMut>,
+}
+
+impl TemporaryMap {
+    /// An empty file in a folder.
+    ///
+    /// # Errors
+    /// If none can be made there.
+    pub fn new(folder: &Path) -> Result<TemporaryMap> {
+        let file = tempfile::tempfile_in(folder).map_err(Error::io(folder, "create a temporary file in"))?;
+        Ok(TemporaryMap { folder: folder.to_owned(), file, map: None })
+    }
+
+    /// Makes it as long as this; it never becomes shorter.
+    ///
+    /// # Errors
+    /// If the disk has not so much room, or the system refuses the map.
+    pub fn grow(&mut self, bytes: u64) -> Result<()> {
+        let before = self.bytes().len() as u64;
+        if bytes <= before {
+            return Ok(());
+        }
+        self.allocate(before, bytes).map_err(Error::io(&self.folder, "write a temporary file in"))?;
+        self.map = None;
+        // SAFETY: the file has no name and this value alone has it open, so nobody else changes it or cuts it short; its
+        // blocks are allocated. The bytes are handed out as `&[u8]` and `&mut [u8]` by the borrows of this value.
+        let map = unsafe { memmap2::MmapMut::map_mut(&self.file) };
+        self.map = Some(map.map_err(Error::io(&self.folder, "map a temporary file in"))?);
+        Ok(())
+    }
+
+    /// Gives the bytes from `from` to `to` blocks of the disk.
+    fn allocate(&self, from: u64, to: u64) -> std::io::Result<()> {
+        use rustix::fs::{FallocateFlags, fallocate};
+        use rustix::io::Errno;
+        match fallocate(&self.file, FallocateFlags::empty(), from, to - from) {
+            Ok(()) => return Ok(()),
+            // Not every file system can, and zeros do the same.
+            Err(Errno::OPNOTSUPP | Errno::NOSYS) => {}
+            Err(error) => return Err(error.into()),
+        }
+        let zeros = vec![0; 1 << 20];
+        let mut at = from;
+        while at < to {
+            let some = zeros.len().min((to - at) as usize);
+            self.file.write_all_at(&zeros[..some], at)?;
+            at += some as u64;
+        }
+        Ok(())
+    }
+
+    /// The content.
+    #[inline]
+    pub fn bytes(&self) -> &[u8] {
+        self.map.as_deref().unwrap_or_default()
+    }
+
+    /// The content, to be changed.
+    #[inline]
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        self.map.as_deref_mut().unwrap_or_default()
     }
 }
 
@@ -433,6 +506,22 @@ mod tests {
         assert!(map.check().is_ok() && map.bytes().iter().all(|&b| b == 7));
         std::fs::remove_file(&path).unwrap();
         assert!(map.check().is_ok());
+    }
+
+    #[test]
+    fn a_temporary_map_grows_and_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut map = TemporaryMap::new(dir.path()).unwrap();
+        assert!(map.bytes().is_empty() && map.bytes_mut().is_empty());
+        map.grow(3).unwrap();
+        map.bytes_mut().copy_from_slice(b"abc");
+        map.grow(10_000).unwrap();
+        map.grow(5).unwrap();
+        assert!(map.bytes().starts_with(b"abc\0") && map.bytes().len() == 10_000);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        let text = map.grow(1 << 60).unwrap_err().to_string();
+        assert!(text.contains("cannot write a temporary file in") && !text.contains('\n'), "{text}");
+        assert!(TemporaryMap::new(&dir.path().join("none")).is_err());
     }
 
     #[test]

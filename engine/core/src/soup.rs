@@ -1,5 +1,7 @@
 //! Triangle soups and point clouds as what is computed of them sees them, whatever they were read from.
 
+use crate::error::Result;
+use crate::large_array::{ArrayRoom, LargeArray};
 use std::ops::Range;
 
 /// One triangle in the input's own unit: three corners, counter-clockwise seen from outside.
@@ -41,12 +43,40 @@ pub fn runs(sources: &[&dyn Facets]) -> Vec<(usize, Range<u64>)> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointCloud {
     /// Where they are.
-    pub points: Vec<[f64; 3]>,
+    pub points: LargeArray<[f64; 3]>,
     /// Outward normals of any length, one for each point; empty if the file has none, or none that are sure to be normals.
-    pub normals: Vec<[f64; 3]>,
+    pub normals: LargeArray<[f64; 3]>,
 }
 
 impl PointCloud {
+    /// One without points, and the room that each of its arrays has.
+    pub fn new(room: &ArrayRoom) -> PointCloud {
+        PointCloud { points: LargeArray::new(room), normals: LargeArray::new(room) }
+    }
+
+    /// Of points and as many normals, or none.
+    pub fn of(points: Vec<[f64; 3]>, normals: Vec<[f64; 3]>) -> PointCloud {
+        PointCloud { points: points.into(), normals: normals.into() }
+    }
+
+    /// Appends a point, with its normal if points have such.
+    ///
+    /// # Errors
+    /// As [`LargeArray::push`].
+    pub fn push(&mut self, point: [f64; 3], normal: Option<[f64; 3]>) -> Result<()> {
+        self.points.push(point)?;
+        normal.map_or(Ok(()), |normal| self.normals.push(normal))
+    }
+
+    /// Appends all of another.
+    ///
+    /// # Errors
+    /// As [`LargeArray::push`].
+    pub fn append(&mut self, other: &PointCloud) -> Result<()> {
+        self.points.extend_from_slice(&other.points)?;
+        self.normals.extend_from_slice(&other.normals)
+    }
+
     /// The box around all points.
     pub fn bounds(&self) -> ([f64; 3], [f64; 3]) {
         let min = std::array::from_fn(|a| self.points.iter().fold(f64::INFINITY, |m, p| m.min(p[a])));

@@ -8,5 +8,5 @@ pub mod pieces;
 
 #[cfg(test)]
 use brickfield_core::Silent;
-use brickfield_core::{error, lattice, mmap, predicates, progress, soup};
+use brickfield_core::{error, large_array, lattice, mmap, predicates, progress, soup};
 use brickfield_toolpath::{bead, toolpath, x3d};

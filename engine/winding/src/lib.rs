@@ -6,6 +6,6 @@ pub mod solid;
 pub mod swept;
 pub mod winding;
 
-use brickfield_core::{error, lattice, progress, soup, wide};
+use brickfield_core::{error, large_array, lattice, progress, soup, wide};
 use brickfield_octree::brick;
 use brickfield_toolpath::toolpath;

@@ -24,6 +24,7 @@ use brickfield_engine::build::{
 };
 use brickfield_engine::contour::{ContourOptions, MeshSink};
 use brickfield_engine::ingest::{CloudInput, Input, OpenOptions};
+use brickfield_engine::large_array::ArrayRoom;
 use brickfield_engine::store::{AcceptedStores, BrickTree, Refine, Store};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -161,6 +162,14 @@ impl TryFrom<BuildArgs> for BuildRequest {
 }
 
 impl BuildRequest {
+    /// The room in memory for each array of points, where all may take so much.
+    fn array_room(&self, budget: Option<Size>) -> ArrayRoom {
+        let memory = budget.map_or(u64::MAX, |size| size.0);
+        let resources =
+            Resources { memory, temp_dir: self.options.resources.temp_dir.clone(), ..Resources::default() };
+        resources.array_room(&self.output)
+    }
+
     /// Gives the build the device that was asked for, if one is of use.
     fn choose_device(&mut self, are_clouds: bool) -> Result<ComputeDevice, Failure> {
         let why_not = not_for_devices(&self.options, are_clouds);
@@ -250,7 +259,8 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     let typed = TypedInputs::of(&request.inputs, request.estimate_normals)?;
     let names: Vec<&Path> = request.inputs.iter().map(PathBuf::as_path).collect();
     require_distinct(&outputs, &names)?;
-    let clouds = open_clouds(&typed.clouds, &bars)?;
+    let budget = memory::budget(request.memory);
+    let clouds = open_clouds(&typed.clouds, &request.array_room(budget), &bars)?;
     if !clouds.is_empty() && request.gwn_error.is_none() {
         request.options.gwn_error = CLOUD_ERROR;
     }
@@ -262,7 +272,6 @@ pub fn run(args: BuildArgs) -> Result<(), Failure> {
     choose_solids(&mut request, &inputs, !clouds.is_empty())?;
     let chosen = request.choose_device(!clouds.is_empty())?;
     let open_seconds = started.elapsed().as_secs_f64();
-    let budget = memory::budget(request.memory);
     request.take_memory(match clouds.is_empty() {
         true => memory::require_room(&inputs, &request.options, budget)?,
         false => memory::require_room_for_points(&clouds, &inputs, budget)?,

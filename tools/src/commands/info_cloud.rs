@@ -13,6 +13,7 @@ use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::Progress;
 use brickfield_engine::build::{cloud_cells, surfels};
 use brickfield_engine::ingest::CloudInput;
+use brickfield_engine::large_array::ArrayRoom;
 use brickfield_engine::winding::{Surfels, median_distance};
 use serde_json::json;
 use std::path::Path;
@@ -37,7 +38,9 @@ impl Plan {
 /// Runs the command.
 pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     let bars = start(WorkArgs { threads: args.threads, quiet: args.json, progress: ProgressArg::Auto })?;
-    let Some(cloud) = open_clouds(&[file.to_owned()], &bars)?.pop() else { return Ok(()) };
+    let Some(cloud) = open_clouds(&[file.to_owned()], &ArrayRoom::unbounded(), &bars)?.pop() else {
+        return Ok(());
+    };
     bars.phase("measuring", Some(cloud.cloud.points.len() as u64), "points");
     let distance = median_distance(&cloud.cloud.points);
     let (format, bytes, points) = (cloud.describe(), cloud.bytes(), cloud.cloud.points.len());

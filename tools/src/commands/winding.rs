@@ -18,6 +18,7 @@ use brickfield_engine::Progress;
 use brickfield_engine::backend::{self, Vulkan};
 use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed, surfels};
 use brickfield_engine::ingest::{CloudInput, Facets, Input, bounds_of_all};
+use brickfield_engine::large_array::ArrayRoom;
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::pieces::{FlippedFacets, FlippedSource, study};
 use brickfield_engine::solid::{Outline, Solids, beads_at, brute_beads_at};
@@ -34,7 +35,7 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     require_inputs(&args.inputs, "sample PART.brf --points P.csv")?;
     let bars = start(args.work)?;
     let typed = TypedInputs::of(&args.inputs, args.estimate_normals)?;
-    let clouds = open_clouds(&typed.clouds, &bars)?;
+    let clouds = open_clouds(&typed.clouds, &ArrayRoom::unbounded(), &bars)?;
     if !clouds.is_empty() {
         refuse_count(args, "it needs toolpaths as solids")?;
     }
@@ -163,7 +164,7 @@ fn of_mixed(
     let low = std::array::from_fn(|a| f64::min(of_meshes.0[a], of_points.0[a]));
     let high = std::array::from_fn(|a| f64::max(of_meshes.1[a], of_points.1[a]));
     let root = root_around(&args.inputs[0], (low, high))?;
-    let field = CloudField::new(&surfels, root);
+    let field = CloudField::new(&surfels, root)?;
     let given: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
     let turned = turned(args, &given, root, bars)?;
     let oriented = turned.as_ref().map(|turned| turned.apply(&given));
@@ -195,7 +196,7 @@ fn of_clouds(args: &WindingArgs, clouds: Vec<CloudInput>, bars: &Bars) -> Result
     let points = PointReader::open(&args.points)?.all()?;
     let surfels = surfels(clouds, args.estimate_normals, bars)?;
     let root = root_around(&args.inputs[0], surfels.bounds())?;
-    let field = CloudField::new(&surfels, root);
+    let field = CloudField::new(&surfels, root)?;
     let values = if args.brute {
         field.brute_at(root, &points)
     } else {

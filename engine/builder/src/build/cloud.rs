@@ -17,34 +17,36 @@ use crate::ingest::CloudInput;
 use crate::lattice::{MAX_LEVEL, NodeKey, RootCube, Units};
 use crate::progress::Progress;
 use crate::store::Refine;
-use crate::winding::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece, Surfels};
+use crate::winding::{CloudBrick, CloudBricks, CloudEvaluator, Surfels};
 use std::path::{Path, PathBuf};
 
 impl PieceField for CloudBricks {
-    type Piece = CloudPiece;
+    /// Its number, which takes a quarter of what a ball does.
+    type Piece = u32;
     type Corners = ();
     type Evaluator = CloudEvaluator;
     type Evaluation<'a> = CloudBrick;
 
-    fn bounds(&self, piece: &CloudPiece) -> (Units, Units) {
-        (piece.position.map(|c| c - piece.radius), piece.position.map(|c| c + piece.radius))
+    fn bounds(&self, piece: &u32) -> (Units, Units) {
+        self.piece(*piece).bounds()
     }
 
-    fn points(&self, piece: &CloudPiece) -> [Units; 3] {
-        [piece.position; 3]
+    fn points(&self, piece: &u32) -> [Units; 3] {
+        [self.piece(*piece).position; 3]
     }
 
-    fn cube_test(&self, piece: &CloudPiece, size: i32) -> impl Fn(Units) -> bool {
+    fn cube_test(&self, piece: &u32, size: i32) -> impl Fn(Units) -> bool {
+        let piece = self.piece(*piece);
         move |low| piece.touches_cube(low, size)
     }
 
-    fn is_void(&self, _: &CloudPiece) -> bool {
+    fn is_void(&self, _: &u32) -> bool {
         false
     }
 
     fn corners(&self, _: NodeKey, _: u8) {}
 
-    fn add_corners(&self, (): &mut (), _: &CloudPiece) {}
+    fn add_corners(&self, (): &mut (), _: &u32) {}
 
     fn merge_corners(&self, (): &mut (), (): &()) {}
 
@@ -53,7 +55,7 @@ impl PieceField for CloudBricks {
     }
 
     /// The field changes everywhere.
-    fn settled(&self, _: NodeKey, _: i16, _: PieceList<'_, CloudPiece>) -> Option<i16> {
+    fn settled(&self, _: NodeKey, _: i16, _: PieceList<'_, u32>) -> Option<i16> {
         None
     }
 
@@ -63,9 +65,9 @@ impl PieceField for CloudBricks {
         refine: Refine,
         key: NodeKey,
         _: i16,
-        list: PieceList<'_, CloudPiece>,
+        list: PieceList<'_, u32>,
     ) -> Option<[i16; 8]> {
-        let is_hidden = |&i: &u32| !list.array[i as usize].is_seen_by(key);
+        let is_hidden = |&i: &u32| !self.piece(list.array[i as usize]).is_seen_by(key);
         (refine == Refine::Hidden && list.indices.iter().any(is_hidden)).then_some([0; 8])
     }
 
@@ -74,9 +76,9 @@ impl PieceField for CloudBricks {
         evaluator: &'a mut CloudEvaluator,
         key: NodeKey,
         _: i16,
-        list: PieceList<'a, CloudPiece>,
+        list: PieceList<'a, u32>,
     ) -> Result<CloudBrick> {
-        let pieces = list.indices.iter().map(|&i| list.array[i as usize]);
+        let pieces = list.indices.iter().map(|&i| self.piece(list.array[i as usize]));
         CloudBricks::evaluate(self, evaluator, key, pieces)
     }
 }
@@ -159,14 +161,13 @@ impl BuildSource for CloudSource {
         clock: &mut Clock,
         BuildContext { options, progress, .. }: BuildContext<'_>,
     ) -> Result<(CloudBricks, SortedPieces<CloudBricks>)> {
-        let surfels = self.inputs.take();
-        let field = CloudBricks::new(&surfels, task.meta.root, options.gwn_error, task.rules.depth)?;
-        drop(surfels);
+        let root = task.meta.root;
+        let field = CloudBricks::new(self.inputs.take(), root, options.gwn_error, task.rules.depth)?;
         clock.lap("cluster");
-        let pieces: Vec<CloudPiece> = field.pieces().collect();
-        task.cut(|cubes| weigh_pieces(&field, &pieces, cubes, progress), 0)?;
+        let numbers = field.numbers();
+        task.cut(|cubes| weigh_pieces(&field, &numbers, cubes, progress), 0)?;
         clock.lap_if(task.meta.shard.is_some(), "weigh");
-        let sorted = SortedPieces::of_all(&field, &pieces);
+        let sorted = SortedPieces::of_all(&field, &numbers);
         Ok((field, sorted))
     }
 

@@ -62,7 +62,7 @@ pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress)
             (format!("have no normals{why}"), "add `estimate_normals`, or export them with normals");
         return Err(Error::input(&first, "points", what, remedy));
     }
-    let surfels = Surfels::of(&cloud, progress)?;
+    let surfels = Surfels::of(cloud, progress)?;
     if surfels.all.is_empty() {
         let what = format!("none of the {} points has an area", surfels.void);
         return Err(Error::input(&first, "points", what, "give several points, with normals that are not 0"));

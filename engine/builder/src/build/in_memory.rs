@@ -85,8 +85,9 @@ pub fn build_clouds_in_memory(
     let first = inputs.first().map(|input| input.path().to_owned());
     let surfels = surfels(inputs, estimate, progress)?;
     let (root, depth) = place_cloud(&surfels, first.as_deref(), options.resolution)?;
-    let tree = build_cloud_in_memory(&surfels, root, tree_options(depth, options), options.gwn_error)?;
-    Ok(TreeInMemory { tree, bounds: surfels.points })
+    let bounds = surfels.points;
+    let tree = build_cloud_in_memory(surfels, root, tree_options(depth, options), options.gwn_error)?;
+    Ok(TreeInMemory { tree, bounds })
 }
 
 /// Builds the tree of meshes and point clouds together in memory; see [`super::build_mixed`].
@@ -108,7 +109,7 @@ pub fn build_mixed_in_memory(
     let mut meshes = MeshInputs::given(&meshes);
     meshes.turn(root, options, progress)?;
     let (how, error) = (tree_options(depth, options), options.gwn_error);
-    let build = |soups: &[&dyn Facets]| build_cloud_and_soup_in_memory(&surfels, soups, root, how, error);
+    let build = |soups: &[&dyn Facets]| build_cloud_and_soup_in_memory(surfels, soups, root, how, error);
     let tree = meshes.with_soups(build)?;
     meshes.check()?;
     Ok(TreeInMemory { tree, bounds })

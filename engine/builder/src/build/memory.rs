@@ -48,7 +48,7 @@ pub fn build_open_in_memory(
 /// # Errors
 /// As [`build_open_in_memory`].
 pub fn build_cloud_in_memory(
-    surfels: &Surfels,
+    surfels: Surfels,
     root: RootCube,
     options: TreeOptions,
     error: f64,
@@ -56,8 +56,7 @@ pub fn build_cloud_in_memory(
     require_no_tolerance(options.tolerance, POINTS)?;
     let rules = Rules { evaluate_interior: true, ..Rules::new(options, root)? };
     let field = CloudBricks::new(surfels, root, error, rules.depth)?;
-    let pieces: Vec<_> = field.pieces().collect();
-    tree_of(&field, SortedPieces::of_all(&field, &pieces), &rules, root)
+    tree_of(&field, SortedPieces::of_all(&field, &field.numbers()), &rules, root)
 }
 
 /// Builds the tree of a point cloud and any soup together in memory, with samples that are off by at most `error`.
@@ -65,7 +64,7 @@ pub fn build_cloud_in_memory(
 /// # Errors
 /// As [`build_open_in_memory`].
 pub fn build_cloud_and_soup_in_memory(
-    surfels: &Surfels,
+    surfels: Surfels,
     sources: &[&dyn Facets],
     root: RootCube,
     options: TreeOptions,

@@ -183,9 +183,7 @@ impl BuildSource for MixedSource<'_> {
         let close = |soups: &[&dyn Facets]| OpenPart::within(memory, soups, root, progress);
         let open = (!soup.balance.is_closed()).then(|| meshes.with_soups(close)).transpose()?;
         meshes.check()?;
-        let surfels = self.clouds.take();
-        let field = MixedField::new(&surfels, open, root, options.gwn_error, task.rules.depth)?;
-        drop(surfels);
+        let field = MixedField::new(self.clouds.take(), open, root, options.gwn_error, task.rules.depth)?;
         if let Some(open) = field.open() {
             task.room.take(OpenSoup::require_room(open, task.room.memory())?);
         }
@@ -193,7 +191,7 @@ impl BuildSource for MixedSource<'_> {
         let balls: Vec<CloudPiece> = field.cloud().pieces().collect();
         let weigh = |cubes| {
             let of_facets = meshes.with_soups(|soups| weigh_soup(soups, root, cubes, progress))?;
-            Ok(of_facets.and(&weigh_pieces(field.cloud(), &balls, cubes, progress)?))
+            Ok(of_facets.and(&weigh_pieces(field.cloud(), &field.cloud().numbers(), cubes, progress)?))
         };
         task.cut(weigh, 0)?;
         clock.lap_if(task.meta.shard.is_some(), "weigh");

@@ -67,14 +67,14 @@ impl PieceField for MixedField {
     fn bounds(&self, piece: &MixedPiece) -> (Units, Units) {
         match piece {
             MixedPiece::Facet(t) => Soup::CPU.bounds(t),
-            MixedPiece::Ball(ball) => self.cloud().bounds(ball),
+            MixedPiece::Ball(ball) => ball.bounds(),
         }
     }
 
     fn points(&self, piece: &MixedPiece) -> [Units; 3] {
         match piece {
             MixedPiece::Facet(t) => Soup::CPU.points(t),
-            MixedPiece::Ball(ball) => self.cloud().points(ball),
+            MixedPiece::Ball(ball) => [ball.position; 3],
         }
     }
 

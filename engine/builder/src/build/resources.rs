@@ -2,6 +2,7 @@
 
 use crate::backend::Vulkan;
 use crate::error::Result;
+use crate::large_array::ArrayRoom;
 use crate::part::directory_of;
 use crate::part::temporary::{TempFile, require_folder};
 use std::path::{Path, PathBuf};
@@ -21,6 +22,21 @@ pub struct Resources {
     pub temp_dir: Option<PathBuf>,
     /// A device for the bricks of closed soups, and for the sums over the caps of open ones. Everything else is the processor's.
     pub device: Option<Vulkan>,
+}
+
+/// Share of the memory that one array of a point cloud may have. No more than four are as large as that at once.
+const ARRAY_SHARE: u64 = 16;
+
+impl Resources {
+    /// The room of each array of the points from which `output` is built; what is larger goes to the folder of temporary
+    /// files.
+    pub fn array_room(&self, output: &Path) -> ArrayRoom {
+        if self.memory == u64::MAX {
+            return ArrayRoom::unbounded();
+        }
+        let folder = self.temp_dir.as_deref().unwrap_or(directory_of(output));
+        ArrayRoom::new(self.memory / ARRAY_SHARE, folder)
+    }
 }
 
 impl Default for Resources {

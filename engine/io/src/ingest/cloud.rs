@@ -5,6 +5,7 @@ use super::columns::{CloudColumns, NormalLengths, short};
 use super::origin::Origin;
 use super::{InputKind, detect};
 use crate::error::{Error, Result};
+use crate::large_array::ArrayRoom;
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
 use crate::soup::PointCloud;
@@ -44,13 +45,21 @@ impl CloudInput {
     /// If the file is missing or damaged, has no points, has a coordinate that is not finite, or is changed meanwhile: the
     /// message names the line, byte or point.
     pub fn open(path: &Path, progress: &dyn Progress) -> Result<CloudInput> {
+        CloudInput::open_within(path, &ArrayRoom::unbounded(), progress)
+    }
+
+    /// As [`CloudInput::open`], with so much room in memory for points, and as much for normals.
+    ///
+    /// # Errors
+    /// As there; if the temporary file for more cannot be written.
+    pub fn open_within(path: &Path, room: &ArrayRoom, progress: &dyn Progress) -> Result<CloudInput> {
         let file = MappedFile::open(path)?;
         let bytes = file.bytes();
         file.advise(Access::Sequential);
         progress.phase("reading", Some(file.len()), "bytes");
         let CloudFormat { described, in_millimetres, read, .. } =
             CloudFormat::of(path, bytes).unwrap_or(&TEXT);
-        let read = read(path, bytes, progress);
+        let read = read(path, bytes, room, progress);
         file.check()?;
         let (cloud, columns) = read?;
         check(&cloud, path)?;
@@ -78,7 +87,7 @@ impl CloudInput {
         }
         check(&cloud, &path)?;
         let origin = Origin::memory(|add| {
-            let all = cloud.points.iter().chain(&cloud.normals);
+            let all = cloud.points.iter().chain(cloud.normals.iter());
             all.for_each(|vector| add(vector.map(f64::to_le_bytes).as_flattened()));
         });
         let columns = CloudColumns::default();
@@ -168,8 +177,7 @@ impl CloudInput {
             if all.points.is_empty() {
                 all = cloud;
             } else {
-                all.points.extend(cloud.points);
-                all.normals.extend(cloud.normals);
+                all.append(&cloud)?;
             }
         }
         Ok(all)
@@ -209,10 +217,8 @@ mod tests {
 
     #[test]
     fn text_and_ply_give_the_same_cloud() {
-        let expected = PointCloud {
-            points: vec![[1.0, 2.0, 3.0], [4.0, 5.5, -6.0]],
-            normals: vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
-        };
+        let expected =
+            PointCloud::of(vec![[1.0, 2.0, 3.0], [4.0, 5.5, -6.0]], vec![[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
         let text = b"# a scan\n1 2 3 0 0 1\r\n\n4, 5.5, -6, 1, 0, 0\n";
         assert_eq!(open("a.XYZ", text).unwrap().unwrap(), expected);
         let header = |format: &str| {
@@ -227,7 +233,7 @@ mod tests {
         for big in [false, true] {
             let format = if big { "binary_big_endian" } else { "binary_little_endian" };
             let mut bytes = header(format).into_bytes();
-            for (p, n) in expected.points.iter().zip(&expected.normals) {
+            for (p, n) in expected.points.iter().zip(expected.normals.iter()) {
                 n.iter().map(|c| *c as f32).for_each(|c| {
                     bytes.extend(if big { c.to_be_bytes() } else { c.to_le_bytes() });
                 });

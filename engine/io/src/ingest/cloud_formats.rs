@@ -3,12 +3,13 @@
 use super::columns::CloudColumns;
 use super::{cloud_text, e57, las, pcd, ply};
 use crate::error::Result;
+use crate::large_array::ArrayRoom;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
 use std::path::Path;
 
 /// What reads a file.
-type Read = fn(&Path, &[u8], &dyn Progress) -> Result<(PointCloud, CloudColumns)>;
+type Read = fn(&Path, &[u8], &ArrayRoom, &dyn Progress) -> Result<(PointCloud, CloudColumns)>;
 
 /// A format of point clouds.
 pub(super) struct CloudFormat {

@@ -11,6 +11,7 @@ use super::columns::{self, CloudColumns, Column, ColumnLayout, NormalLengths, SA
 use super::fields::Separators;
 use super::text::{self, TextLines};
 use crate::error::{Error, Result};
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::progress::{Progress, Silent};
 use crate::soup::PointCloud;
 use std::path::Path;
@@ -42,15 +43,19 @@ pub(super) fn is_plausible(start: &[u8]) -> bool {
 ///
 /// # Errors
 /// If a line is no point, or has not as many numbers as the first; if the file counts more points than it has.
-pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<(PointCloud, CloudColumns)> {
+pub(super) fn read(
+    path: &Path,
+    bytes: &[u8],
+    room: &ArrayRoom,
+    progress: &dyn Progress,
+) -> Result<(PointCloud, CloudColumns)> {
     let (layout, mut columns) = understand(path, bytes)?;
     let mut rows = Rows::new(path, bytes, progress);
-    let mut cloud = PointCloud::default();
+    let mut cloud = PointCloud::new(room);
     let (mut whole, mut points) = (true, 0u64);
     while rows.next()? {
         let pick = |at: usize| rows.values[at];
-        cloud.points.push(layout.position.map(pick));
-        cloud.normals.extend(layout.normal.map(|normal| normal.map(pick)));
+        cloud.push(layout.position.map(pick), layout.normal.map(|normal| normal.map(pick)))?;
         whole &= rows.had_commas && rows.values.iter().all(|v| v.fract() == 0.0);
         points += 1;
     }
@@ -105,7 +110,7 @@ fn check_normals(cloud: &mut PointCloud, columns: &mut CloudColumns) {
         columns.no_normals =
             Some(format!("columns {first} to {} have lengths from {min} to {max}, not 1", first + 2));
         columns.names.iter_mut().skip(first - 1).take(3).for_each(|name| *name = "?".to_owned());
-        cloud.normals = Vec::new();
+        cloud.normals = LargeArray::default();
     } else if !lengths.negative && cloud.points.len() >= MANY_POINTS {
         columns.notes.push(format!(
             "columns {first} to {} are taken for normals, but none points backward along an axis; if they are colours, \
@@ -263,7 +268,7 @@ mod tests {
     use super::*;
 
     fn read_all(content: &str) -> Result<(PointCloud, CloudColumns)> {
-        read(Path::new("a.xyz"), content.as_bytes(), &Silent)
+        read(Path::new("a.xyz"), content.as_bytes(), &ArrayRoom::unbounded(), &Silent)
     }
 
     #[test]
@@ -322,7 +327,7 @@ mod tests {
             assert!(said.contains(what), "{said}");
         }
         let (cloud, columns) = read_all("1\n1,5 2 3\n4 5 6\n").unwrap();
-        assert_eq!(cloud.points, [[1.5, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        assert_eq!(cloud.points[..], [[1.5, 2.0, 3.0], [4.0, 5.0, 6.0]]);
         assert!(columns.decimal_commas && columns.notes.len() == 1, "{columns:?}");
     }
 

@@ -5,6 +5,7 @@ use super::polygons::Polygons;
 use super::three_mf::ThreeMf;
 use super::{cloud, cloud_text, obj, ply, stl, stl_text};
 use crate::error::{Error, Result};
+use crate::large_array::ArrayRoom;
 use crate::progress::Silent;
 use std::path::Path;
 
@@ -54,7 +55,10 @@ pub fn ply(bytes: &[u8]) {
     let path = Path::new("a.ply");
     match ply::has_faces(path, bytes) {
         Ok(true) => check(ply::read(path, bytes, &Silent).map(|(polygons, _)| polygons)),
-        Ok(false) => points(ply::read_cloud(path, bytes, &Silent).map(|(cloud, _)| cloud), path),
+        Ok(false) => points(
+            ply::read_cloud(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud),
+            path,
+        ),
         Err(error) => refused(&error),
     }
 }
@@ -62,8 +66,11 @@ pub fn ply(bytes: &[u8]) {
 /// Points as text.
 pub fn xyz(bytes: &[u8]) {
     let path = Path::new("a.xyz");
-    points(cloud_text::read(path, bytes, &Silent).map(|(cloud, _)| cloud), path);
-    points(super::pcd::read(Path::new("a.pcd"), bytes, &Silent).map(|(cloud, _)| cloud), Path::new("a.pcd"));
+    points(cloud_text::read(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud), path);
+    points(
+        super::pcd::read(Path::new("a.pcd"), bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud),
+        Path::new("a.pcd"),
+    );
     detect::is_cloud(Path::new("a"), bytes);
     detect::what_is(path, bytes);
 }
@@ -71,13 +78,13 @@ pub fn xyz(bytes: &[u8]) {
 /// Any bytes as LAS, packed or not.
 pub fn las(bytes: &[u8]) {
     let path = Path::new("a.las");
-    points(super::las::read(path, bytes, &Silent).map(|(cloud, _)| cloud), path);
+    points(super::las::read(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud), path);
 }
 
 /// Any bytes as E57.
 pub fn e57(bytes: &[u8]) {
     let path = Path::new("a.e57");
-    points(super::e57::read(path, bytes, &Silent).map(|(cloud, _)| cloud), path);
+    points(super::e57::read(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud), path);
 }
 
 /// Any bytes as the archive of a 3MF file.

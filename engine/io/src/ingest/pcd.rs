@@ -4,6 +4,7 @@
 use super::columns::CloudColumns;
 use super::text;
 use crate::error::{Error, Result};
+use crate::large_array::ArrayRoom;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
 use std::borrow::Cow;
@@ -132,23 +133,29 @@ fn number(field: &Field, bytes: &[u8]) -> f64 {
 ///
 /// # Errors
 /// If the file does not follow the format or ends early.
-pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<(PointCloud, CloudColumns)> {
+pub(super) fn read(
+    path: &Path,
+    bytes: &[u8],
+    room: &ArrayRoom,
+    progress: &dyn Progress,
+) -> Result<(PointCloud, CloudColumns)> {
     let header = Header::of(path, bytes)?;
     let position = header.three(["x", "y", "z"]).ok_or_else(|| header.error("has no fields x, y and z"))?;
     let normals = header.three(["normal_x", "normal_y", "normal_z"]);
     let wanted: Vec<usize> = position.into_iter().chain(normals.into_iter().flatten()).collect();
-    let mut cloud = PointCloud::default();
+    let (mut cloud, mut kept) = (PointCloud::new(room), Ok(()));
     let mut missing = 0u64;
     let mut take = |values: &[f64]| {
         if values[..3].iter().any(|c| c.is_nan()) {
             missing += 1;
             return;
         }
-        if let Some((point, rest)) = values.split_first_chunk::<3>() {
-            cloud.points.push(*point);
+        if let Some((point, rest)) = values.split_first_chunk::<3>()
+            && kept.is_ok()
+        {
             // A normal that is unknown counts for nothing.
             let normal = rest.first_chunk::<3>();
-            cloud.normals.extend(normal.map(|normal| normal.map(|c| if c.is_nan() { 0.0 } else { c })));
+            kept = cloud.push(*point, normal.map(|normal| normal.map(|c| if c.is_nan() { 0.0 } else { c })));
         }
     };
     match header.data.as_str() {
@@ -162,6 +169,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
         }
         other => return Err(header.error(format!("has data of the kind {}", text::plain(other.as_bytes())))),
     }
+    kept?;
     let notes = match missing {
         0 => Vec::new(),
         _ => vec![format!("{missing} points have coordinates that are no numbers, and are left out")],
@@ -309,9 +317,9 @@ mod tests {
 
     fn check(bytes: &[u8]) {
         assert!(is_pcd(bytes));
-        let (cloud, columns) = read(Path::new("a.pcd"), bytes, &Silent).unwrap();
-        assert_eq!(cloud.points, [[1.0, 2.0, 3.5], [-1.5, 0.25, 9.0]]);
-        assert_eq!(cloud.normals, [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
+        let (cloud, columns) = read(Path::new("a.pcd"), bytes, &ArrayRoom::unbounded(), &Silent).unwrap();
+        assert_eq!(cloud.points[..], [[1.0, 2.0, 3.5], [-1.5, 0.25, 9.0]]);
+        assert_eq!(cloud.normals[..], [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
         assert!(columns.notes[0].starts_with("1 points") && columns.no_normals.is_none());
     }
 
@@ -332,7 +340,8 @@ mod tests {
         let packed = [(HEAD.to_owned() + "binary_compressed\n").as_bytes(), &sizes, &stream].concat();
         check(&packed);
         for length in 0..packed.len() {
-            if let Err(error) = read(Path::new("a.pcd"), &packed[..length], &Silent) {
+            if let Err(error) = read(Path::new("a.pcd"), &packed[..length], &ArrayRoom::unbounded(), &Silent)
+            {
                 assert!(!error.to_string().contains('\n'), "{error}");
             }
         }
@@ -341,7 +350,9 @@ mod tests {
     #[test]
     fn damage_is_told() {
         let told = |text: &str, what: &str| {
-            let error = read(Path::new("a.pcd"), text.as_bytes(), &Silent).unwrap_err().to_string();
+            let error = read(Path::new("a.pcd"), text.as_bytes(), &ArrayRoom::unbounded(), &Silent)
+                .unwrap_err()
+                .to_string();
             assert!(error.contains(what), "{error}");
         };
         told("VERSION 0.7\nFIELDS x y z\n", "no line \"DATA\"");

@@ -35,7 +35,7 @@ impl MixedField {
     /// # Errors
     /// [`crate::error::Error::Setting`] if samples of 16 bits cannot be that exact.
     pub fn new(
-        surfels: &Surfels,
+        surfels: Surfels,
         open: Option<OpenPart>,
         root: RootCube,
         error: f64,

@@ -21,6 +21,7 @@ pub(super) fn is_e57(bytes: &[u8]) -> bool {
 pub(super) fn read(
     path: &std::path::Path,
     _: &[u8],
+    _: &crate::large_array::ArrayRoom,
     _: &dyn crate::progress::Progress,
 ) -> Result<(crate::soup::PointCloud, super::columns::CloudColumns)> {
     let what = "is an E57 file, and this program was built without the feature `e57`";

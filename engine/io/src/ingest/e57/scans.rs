@@ -5,6 +5,7 @@ use crate::ingest::columns::{CloudColumns, Column};
 use crate::ingest::guarded::guarded;
 use crate::ingest::placement::Placement;
 use crate::ingest::text;
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::progress::Progress;
 use crate::soup::PointCloud;
 use e57::{E57Reader, Record, RecordDataType, RecordName, RecordValue, Transform};
@@ -26,6 +27,7 @@ const POINTS_AT_ONCE: usize = 1 << 14;
 pub(in crate::ingest) fn read(
     path: &Path,
     bytes: &[u8],
+    room: &ArrayRoom,
     progress: &dyn Progress,
 ) -> Result<(PointCloud, CloudColumns)> {
     let damaged = |place: String, what: &str| Error::input(path, place, text::plain(what.as_bytes()), REMEDY);
@@ -36,7 +38,7 @@ pub(in crate::ingest) fn read(
         None => return Err(damaged("header".to_owned(), "is damaged")),
     };
     let scans = file.pointclouds();
-    let (mut all, mut invalid, mut lacking) = (PointCloud::default(), 0, None);
+    let (mut all, mut invalid, mut lacking) = (PointCloud::new(room), 0, None);
     let mut names: Vec<String> = Vec::new();
     for (number, scan) in scans.iter().enumerate() {
         let place = format!("scan {} of {}", number + 1, scans.len());
@@ -53,10 +55,14 @@ pub(in crate::ingest) fn read(
         };
         loop {
             progress.check()?;
+            let mut some = Vec::with_capacity(POINTS_AT_ONCE);
             let mut take = || -> std::result::Result<usize, String> {
                 let mut taken = 0;
                 for values in points.by_ref().take(POINTS_AT_ONCE) {
-                    invalid += u64::from(!layout.take(&values.map_err(|e| e.to_string())?, &mut all)?);
+                    match layout.point(&values.map_err(|e| e.to_string())?)? {
+                        Some(point) => some.push(point),
+                        None => invalid += 1,
+                    }
                     taken += 1;
                 }
                 Ok(taken)
@@ -67,10 +73,11 @@ pub(in crate::ingest) fn read(
                 Some(Err(what)) => return Err(damaged(place, &what)),
                 None => return Err(damaged(place, "is damaged")),
             }
+            some.into_iter().try_for_each(|(point, normal)| all.push(point, normal))?;
         }
     }
     let no_normals = lacking.map(|number| {
-        all.normals.clear();
+        all.normals = LargeArray::default();
         format!("scan {} of {} has no numbers normalX, normalY and normalZ", number + 1, scans.len())
     });
     let notes = match invalid {
@@ -97,6 +104,9 @@ enum Position {
     /// Range, azimuth, elevation.
     Spherical([usize; 3]),
 }
+
+/// Where a point is, and its normal.
+type OrientedPoint = ([f64; 3], Option<[f64; 3]>);
 
 /// How the numbers of a scan become points.
 struct ScanLayout<'a> {
@@ -152,12 +162,12 @@ impl<'a> ScanLayout<'a> {
         Ok([x?, y?, z?])
     }
 
-    /// Takes a point; false if it has no place.
-    fn take(&self, values: &[RecordValue], all: &mut PointCloud) -> std::result::Result<bool, String> {
+    /// A point with its normal if it has one; `None` if it has no place.
+    fn point(&self, values: &[RecordValue]) -> std::result::Result<Option<OrientedPoint>, String> {
         if let Some(at) = self.invalid
             && self.number(values, at)? != 0.0
         {
-            return Ok(false);
+            return Ok(None);
         }
         let local = match self.position {
             Position::Cartesian(at) => self.three(values, at)?,
@@ -168,15 +178,13 @@ impl<'a> ScanLayout<'a> {
             }
         };
         if local.iter().any(|c| c.is_nan()) {
-            return Ok(false);
+            return Ok(None);
         }
-        all.points.push(self.pose.place(local).map(|c| c * MILLIMETRES));
-        if let Some(at) = self.normal {
-            // A normal that is unknown counts for nothing.
-            let normal = self.three(values, at)?.map(|c| if c.is_finite() { c } else { 0.0 });
-            all.normals.push(self.turn.place(normal));
-        }
-        Ok(true)
+        // A normal that is unknown counts for nothing.
+        let known = |c: f64| if c.is_finite() { c } else { 0.0 };
+        let normal =
+            self.normal.map(|at| Ok::<_, String>(self.turn.place(self.three(values, at)?.map(known))));
+        Ok(Some((self.pose.place(local).map(|c| c * MILLIMETRES), normal.transpose()?)))
     }
 }
 

@@ -3,6 +3,7 @@
 use super::read;
 use crate::error::Result;
 use crate::ingest::columns::CloudColumns;
+use crate::large_array::ArrayRoom;
 use crate::progress::Silent;
 use crate::soup::PointCloud;
 use e57::{
@@ -29,7 +30,7 @@ fn seed(name: &str) -> Vec<u8> {
 }
 
 fn open(bytes: &[u8]) -> Result<(PointCloud, CloudColumns)> {
-    read(Path::new("a.e57"), bytes, &Silent)
+    read(Path::new("a.e57"), bytes, &ArrayRoom::unbounded(), &Silent)
 }
 
 /// Compares millimetres with metres.

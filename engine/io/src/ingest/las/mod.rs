@@ -10,6 +10,7 @@ mod tests;
 
 use super::columns::CloudColumns;
 use crate::error::Result;
+use crate::large_array::ArrayRoom;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
 use header::LasHeader;
@@ -29,11 +30,16 @@ pub(super) fn is_las(bytes: &[u8]) -> bool {
 ///
 /// # Errors
 /// If the file does not follow the format or ends early; if it is packed and the program cannot unpack.
-pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result<(PointCloud, CloudColumns)> {
+pub(super) fn read(
+    path: &Path,
+    bytes: &[u8],
+    room: &ArrayRoom,
+    progress: &dyn Progress,
+) -> Result<(PointCloud, CloudColumns)> {
     let header = LasHeader::of(path, bytes)?;
     let decoded = match header.is_packed {
-        false => records(&header, bytes, progress)?,
-        true => unpacked(&header, bytes, progress)?,
+        false => records(&header, bytes, room, progress)?,
+        true => unpacked(&header, bytes, room, progress)?,
     };
     let names = ["x", "y", "z"].map(str::to_owned).into_iter();
     let names = names.chain(header.extra.iter().map(|field| field.name.clone())).collect();
@@ -46,7 +52,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], progress: &dyn Progress) -> Result
 }
 
 /// Points one behind the other.
-fn records(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Progress) -> Result<Decoded> {
+fn records(
+    header: &LasHeader<'_>,
+    bytes: &[u8],
+    room: &ArrayRoom,
+    progress: &dyn Progress,
+) -> Result<Decoded> {
     let there = bytes.get(header.points_at..).unwrap_or_default();
     let needed = header.points.checked_mul(header.stride as u64);
     if needed.is_none_or(|needed| needed > there.len() as u64) {
@@ -55,13 +66,13 @@ fn records(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Progress) -> Res
             header.error(format!("counts {points} points of {stride} bytes, but {there} bytes are there"))
         );
     }
-    let (layout, mut decoded) = (PointLayout::of(header), Decoded::default());
+    let (layout, mut decoded) = (PointLayout::of(header), Decoded::new(room));
     let points = there.chunks_exact(header.stride).take(header.points as usize);
     for (number, point) in points.enumerate() {
         if number % POINTS_AT_ONCE == 0 {
             progress.check()?;
         }
-        layout.take(point, &mut decoded);
+        layout.take(point, &mut decoded)?;
     }
     Ok(decoded)
 }
@@ -70,7 +81,7 @@ fn records(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Progress) -> Res
 use packed::unpacked;
 
 #[cfg(not(feature = "las"))]
-fn unpacked(header: &LasHeader<'_>, _: &[u8], _: &dyn Progress) -> Result<Decoded> {
+fn unpacked(header: &LasHeader<'_>, _: &[u8], _: &ArrayRoom, _: &dyn Progress) -> Result<Decoded> {
     let what = "is packed (LAZ), and this program was built without the feature `las`";
     let remedy = "build it with that feature, or unpack the file to .las";
     Err(crate::error::Error::input(header.path, "header", what, remedy))

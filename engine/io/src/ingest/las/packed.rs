@@ -4,6 +4,7 @@ use super::header::{LasHeader, REMEDY, array};
 use super::point::{Decoded, PointLayout};
 use crate::error::Result;
 use crate::ingest::guarded::guarded;
+use crate::large_array::ArrayRoom;
 use crate::progress::Progress;
 use laz::laszip::ChunkTable;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
@@ -28,7 +29,12 @@ struct Chunk<'a> {
 ///
 /// # Errors
 /// If a chunk is not there, or does not unpack; if the user interrupts.
-pub(super) fn unpacked(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Progress) -> Result<Decoded> {
+pub(super) fn unpacked(
+    header: &LasHeader<'_>,
+    bytes: &[u8],
+    room: &ArrayRoom,
+    progress: &dyn Progress,
+) -> Result<Decoded> {
     let damaged = || header.error("does not say how its points are packed");
     let packing = header.packing.ok_or_else(damaged)?;
     let packing = guarded(|| LazVlr::from_buffer(packing).ok()).flatten().ok_or_else(damaged)?;
@@ -38,7 +44,7 @@ pub(super) fn unpacked(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Prog
         return Err(header.error(what));
     }
     let chunks = chunks(header, &packing, bytes).map_err(|what| header.error(what))?;
-    let (layout, mut all) = (PointLayout::of(header), Decoded::default());
+    let (layout, mut all) = (PointLayout::of(header), Decoded::new(room));
     for (at, some) in chunks.chunks(CHUNKS_A_THREAD * rayon::current_num_threads()).enumerate() {
         progress.check()?;
         let first = at * CHUNKS_A_THREAD * rayon::current_num_threads();
@@ -50,8 +56,7 @@ pub(super) fn unpacked(header: &LasHeader<'_>, bytes: &[u8], progress: &dyn Prog
                 let place = format!("chunk {} of {}", first + number + 1, chunks.len());
                 return Err(crate::error::Error::input(header.path, place, what, REMEDY));
             };
-            all.cloud.points.extend(cloud.points);
-            all.cloud.normals.extend(cloud.normals);
+            all.cloud.append(&cloud)?;
             all.withheld += withheld;
         }
     }
@@ -152,7 +157,7 @@ fn decode<'a>(
     }
     for _ in 0..points {
         decoder.decompress_next(&mut point).ok()?;
-        layout.take(&point, &mut decoded);
+        layout.take(&point, &mut decoded).ok()?;
     }
     Some(decoded)
 }

@@ -1,6 +1,8 @@
 //! Points from their bytes.
 
 use super::header::{ExtraField, LasHeader, array};
+use crate::error::Result;
+use crate::large_array::ArrayRoom;
 use crate::soup::PointCloud;
 
 /// How the bytes of a point become one.
@@ -19,6 +21,13 @@ pub(super) struct Decoded {
     pub withheld: u64,
 }
 
+impl Decoded {
+    /// None yet.
+    pub fn new(room: &ArrayRoom) -> Decoded {
+        Decoded { cloud: PointCloud::new(room), withheld: 0 }
+    }
+}
+
 impl<'a> PointLayout<'a> {
     pub fn of(header: &'a LasHeader<'_>) -> PointLayout<'a> {
         let withheld = if header.format < 6 { (15, 1 << 7) } else { (15, 1 << 2) };
@@ -26,19 +35,21 @@ impl<'a> PointLayout<'a> {
     }
 
     /// Takes the next point, unless it counts as deleted.
-    pub fn take(&self, point: &[u8], decoded: &mut Decoded) {
+    ///
+    /// # Errors
+    /// As [`PointCloud::push`].
+    pub fn take(&self, point: &[u8], decoded: &mut Decoded) -> Result<()> {
         let (byte, bit) = self.withheld;
         if point[byte] & bit != 0 {
             decoded.withheld += 1;
-            return;
+            return Ok(());
         }
         let place = |axis: usize| {
             let counted = i32::from_le_bytes(array(point, 4 * axis).unwrap_or_default());
             f64::from(counted) * self.scale[axis] + self.offset[axis]
         };
-        decoded.cloud.points.push([0, 1, 2].map(place));
         // A normal that is unknown counts for nothing.
         let known = |field: &ExtraField| Some(field.value(point)).filter(|c| c.is_finite()).unwrap_or(0.0);
-        decoded.cloud.normals.extend(self.normals.map(|fields| fields.map(known)));
+        decoded.cloud.push([0, 1, 2].map(place), self.normals.map(|fields| fields.map(known)))
     }
 }

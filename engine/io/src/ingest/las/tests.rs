@@ -1,6 +1,7 @@
 //! Files written by laspy 2.7 with lazrs 0.8, the COPC one by copclib 2.6; damage of all kinds.
 
 use super::*;
+use crate::large_array::ArrayRoom;
 use crate::progress::Silent;
 use brickfield_core::sweep::part_or_all;
 
@@ -21,7 +22,7 @@ fn seed(name: &str) -> Vec<u8> {
 }
 
 fn open(bytes: &[u8]) -> Result<(PointCloud, CloudColumns)> {
-    read(Path::new("a.las"), bytes, &Silent)
+    read(Path::new("a.las"), bytes, &ArrayRoom::unbounded(), &Silent)
 }
 
 /// Compares a file with what its writer was given, but for the points withheld.

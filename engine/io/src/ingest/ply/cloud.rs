@@ -5,6 +5,7 @@ use super::{ascii, binary};
 use crate::error::{Error, Result};
 use crate::ingest::columns::CloudColumns;
 use crate::ingest::text;
+use crate::large_array::ArrayRoom;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
 use std::path::Path;
@@ -29,6 +30,7 @@ pub(in crate::ingest) fn has_faces(path: &Path, bytes: &[u8]) -> Result<bool> {
 pub(in crate::ingest) fn read_cloud(
     path: &Path,
     bytes: &[u8],
+    room: &ArrayRoom,
     progress: &dyn Progress,
 ) -> Result<(PointCloud, CloudColumns)> {
     let header = header::parse(path, bytes)?;
@@ -39,11 +41,12 @@ pub(in crate::ingest) fn read_cloud(
     })?;
     let normals = vertex.and_then(header::normals);
     let wanted: Vec<_> = positions.into_iter().chain(normals.into_iter().flatten()).collect();
-    let mut cloud = PointCloud::default();
+    let (mut cloud, mut kept) = (PointCloud::new(room), Ok(()));
     let row = |values: &[f64]| {
-        if let Some((point, rest)) = values.split_first_chunk::<3>() {
-            cloud.points.push(*point);
-            cloud.normals.extend(rest.first_chunk::<3>());
+        if let Some((point, rest)) = values.split_first_chunk::<3>()
+            && kept.is_ok()
+        {
+            kept = cloud.push(*point, rest.first_chunk::<3>().copied());
         }
     };
     match header.encoding {
@@ -55,6 +58,7 @@ pub(in crate::ingest) fn read_cloud(
             binary::vertex_columns::<true>(path, bytes, &header, &wanted, progress, row)?;
         }
     }
+    kept?;
     let names = vertex.map_or(&[][..], |vertex| &vertex.properties);
     let names: Vec<String> = names.iter().map(|property| text::plain(&property.name)).collect();
     let no_normals = normals.is_none().then(|| "no properties nx, ny and nz".to_owned());

@@ -56,20 +56,31 @@ impl CloudBricks {
     ///
     /// # Errors
     /// [`crate::error::Error::Setting`] if samples of 16 bits cannot be that exact.
-    pub fn new(surfels: &Surfels, root: RootCube, error: f64, depth: u8) -> Result<CloudBricks> {
+    /// If the temporary file for what memory has no room for cannot be written.
+    pub fn new(surfels: Surfels, root: RootCube, error: f64, depth: u8) -> Result<CloudBricks> {
         let (bits, least) = (binary_places(error)?.max(BITS_MIN), least_bits(depth));
         let exact = error - 0.5 / f64::from(1u32 << bits);
-        let field = CloudField::new(surfels, root);
-        let cells = (error >= SINGLE_ERROR).then(|| CloudCells::new(&field.tree, exact, depth));
+        let field = CloudField::of_all(surfels, root)?;
+        let cells =
+            (error >= SINGLE_ERROR).then(|| CloudCells::new(&field.tree, exact, depth)).transpose()?;
         Ok(CloudBricks { field, cells, bits, error, least })
+    }
+
+    /// The numbers of all points.
+    pub fn numbers(&self) -> Vec<u32> {
+        (0..self.field.tree.elements().len() as u32).collect()
+    }
+
+    /// The ball of a point. Points with near numbers are near each other.
+    pub fn piece(&self, number: u32) -> CloudPiece {
+        let dipole = &self.field.tree.elements()[number as usize];
+        // Reaches are below a few root edges, and the next even number is enough.
+        CloudPiece { position: dipole.at(), radius: dipole.radius() as i32 / 2 * 2 + 2 }
     }
 
     /// The balls of all points.
     pub fn pieces(&self) -> impl Iterator<Item = CloudPiece> {
-        self.field.tree.elements().iter().map(|dipole| {
-            // Reaches are below a few root edges, and the next even number is enough.
-            CloudPiece { position: dipole.at(), radius: dipole.radius() as i32 / 2 * 2 + 2 }
-        })
+        (0..self.field.tree.elements().len() as u32).map(|number| self.piece(number))
     }
 
     /// Evaluates the 33³ samples of `key`, which the balls of `pieces` touch. A sample's value depends on its position
@@ -115,6 +126,11 @@ impl CloudBricks {
 }
 
 impl CloudPiece {
+    /// The box around the ball.
+    pub fn bounds(&self) -> (Units, Units) {
+        (self.position.map(|c| c - self.radius), self.position.map(|c| c + self.radius))
+    }
+
     /// Whether the ball touches the closed cube `low..low + size`.
     pub fn touches_cube(&self, low: Units, size: i32) -> bool {
         let squared: i64 = (0..3)

@@ -12,6 +12,8 @@ use super::dipole::Dipole;
 use super::far::{ClusterMoments, FarCluster, FarDipole, add_clusters, add_dipoles, moments_of};
 use super::near::{NearPoints, SampleRegion};
 use crate::brick::POINTS;
+use crate::error::Result;
+use crate::large_array::LargeArray;
 use crate::lattice::{BRICK_POINTS, NodeKey, ROOT_BITS, spacing_bits};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -88,7 +90,7 @@ struct FarCandidate {
 pub(super) struct CloudCells {
     kept: ConcurrentCache<CubeId, Arc<CloudCell>>,
     /// By cluster.
-    moments: Vec<ClusterMoments>,
+    moments: LargeArray<ClusterMoments>,
     error: f64,
     /// log₂ of the distance of the finest samples.
     spacing: u32,
@@ -102,13 +104,18 @@ impl MemorySize for Arc<CloudCell> {
 
 impl CloudCells {
     /// For sums over a tree's dipoles that are off by at most `error`, at samples of bricks down to `depth`.
-    pub fn new(tree: &ClusterTree<Dipole>, error: f64, depth: u8) -> CloudCells {
-        CloudCells {
+    ///
+    /// # Errors
+    /// If the temporary file for what memory has no room for cannot be written.
+    pub fn new(tree: &ClusterTree<Dipole>, error: f64, depth: u8) -> Result<CloudCells> {
+        let clusters = tree.clusters();
+        let moments = |number: usize| Some(moments_of(&clusters[number].expansion));
+        Ok(CloudCells {
             kept: ConcurrentCache::new(KEPT_BYTES),
-            moments: tree.clusters().iter().map(|cluster| moments_of(&cluster.expansion)).collect(),
+            moments: LargeArray::of_each(clusters.len(), tree.room(), moments)?,
             error: error * (1.0 - ROUNDING_SHARE),
             spacing: spacing_bits(depth),
-        }
+        })
     }
 
     /// The sums at all samples of a brick.

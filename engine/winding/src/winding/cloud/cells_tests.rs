@@ -14,15 +14,14 @@ use std::time::Instant;
 
 /// Points scattered over a torus with radii of 10 and 4, and its normals.
 fn torus(count: usize, seed: u64) -> PointCloud {
-    let mut cloud = PointCloud::default();
-    (cloud.points, cloud.normals) = torus_points(seed).take(count).unzip();
-    cloud
+    let (points, normals) = torus_points(seed).take(count).unzip();
+    PointCloud::of(points, normals)
 }
 
 fn field_of(cloud: &PointCloud) -> CloudField {
-    let surfels = Surfels::of(cloud, &Silent).unwrap();
+    let surfels = Surfels::of(cloud.clone(), &Silent).unwrap();
     let (min, max) = surfels.bounds();
-    CloudField::new(&surfels, RootCube::around(min, max).unwrap())
+    CloudField::new(&surfels, RootCube::around(min, max).unwrap()).unwrap()
 }
 
 fn position(key: NodeKey, index: usize) -> Units {
@@ -57,15 +56,14 @@ impl Filled {
 fn samples_are_within_the_bound_of_the_whole_sum() {
     let mut uneven = torus(3000, 2);
     let dense = torus(3000, 3);
-    uneven.points.extend(dense.points.iter().map(|p| p.map(|c| 0.1 * c + 3.0)));
-    uneven.normals.extend(dense.normals);
-    uneven.points.push([30.0, 20.0, 10.0]);
-    uneven.normals.push([0.0, 0.6, 0.8]);
+    let shrunk = dense.points.iter().map(|p| p.map(|c| 0.1 * c + 3.0));
+    shrunk.zip(&dense.normals).for_each(|(p, n)| uneven.push(p, Some(*n)).unwrap());
+    uneven.push([30.0, 20.0, 10.0], Some([0.0, 0.6, 0.8])).unwrap();
     let mut rng = Rng::new(7);
     for (cloud, depth) in [(torus(3000, 1), 2), (torus(3000, 1), 0), (uneven, 3), (torus(60, 4), 3)] {
         let field = field_of(&cloud);
         for error in [0.2, 0.05, 0.005] {
-            let cells = CloudCells::new(&field.tree, error, depth);
+            let cells = CloudCells::new(&field.tree, error, depth).unwrap();
             let mut filled = Filled::new();
             let mut worst = 0.0f64;
             for level in 0..=depth {
@@ -90,12 +88,12 @@ fn samples_are_within_the_bound_of_the_whole_sum() {
 fn bricks_agree_on_samples_to_the_last_bit() {
     let field = field_of(&torus(4000, 5));
     let error = 0.02;
-    let cells = CloudCells::new(&field.tree, error, 2);
+    let cells = CloudCells::new(&field.tree, error, 2).unwrap();
     let mut known = std::collections::HashMap::new();
     let mut filled = Filled::new();
     for level in [2, 0, 1] {
         for key in keys(level) {
-            let fresh = CloudCells::new(&field.tree, error, 2);
+            let fresh = CloudCells::new(&field.tree, error, 2).unwrap();
             let cells = if level == 1 { &fresh } else { &cells };
             let values = filled.of(cells, &field, key);
             // Every third, so that the aprons of most bricks are met.
@@ -113,12 +111,12 @@ fn bricks_agree_on_samples_to_the_last_bit() {
 fn time_of_bricks() {
     let (count, depth) = (100_000, 4);
     let start = Instant::now();
-    let surfels = Surfels::of(&torus(count, 5), &Silent).unwrap();
+    let surfels = Surfels::of(torus(count, 5), &Silent).unwrap();
     println!("areas: {:.2} s", start.elapsed().as_secs_f64());
     let (min, max) = surfels.bounds();
     let root = RootCube::around(min, max).unwrap();
     let start = Instant::now();
-    let field = CloudField::new(&surfels, root);
+    let field = CloudField::new(&surfels, root).unwrap();
     println!("clusters: {:.2} s", start.elapsed().as_secs_f64());
     let size = 1 << (ROOT_BITS - u32::from(depth));
     let is_touched = |key: &NodeKey| {
@@ -131,7 +129,7 @@ fn time_of_bricks() {
     };
     let touched: Vec<NodeKey> = keys(depth).step_by(29).filter(is_touched).collect();
     for error in [0.05, 0.2, 0.01] {
-        let cells = CloudCells::new(&field.tree, error, depth);
+        let cells = CloudCells::new(&field.tree, error, depth).unwrap();
         let mut filled = Filled::new();
         let start = Instant::now();
         touched.iter().for_each(|key| assert!(filled.of(&cells, &field, *key)[0].is_finite()));

@@ -3,6 +3,7 @@
 use super::super::open::{GROUP, Moments, Reach, SurfaceElement};
 use super::surfels::Surfel;
 use crate::lattice::{ROOT_BITS, RootCube, Units};
+use bytemuck::{Pod, Zeroable};
 use std::f64::consts::PI;
 
 /// A surfel in lattice units.
@@ -17,7 +18,8 @@ use std::f64::consts::PI;
 ///
 /// Within, the share of the density at less than r, (5 (r/ρ)³ − 3 (r/ρ)⁵)/2, acts as if it were in the middle, and the
 /// rest not at all. w has a continuous gradient everywhere and is at most 0.099 a/ρ².
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Dipole {
     position: [f64; 3],
     /// Outward normal with the length of the area.

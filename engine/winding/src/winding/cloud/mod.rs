@@ -16,6 +16,7 @@ mod tests;
 
 use super::open::{ClusterTree, shares_at};
 use crate::error::Result;
+use crate::large_array::LargeArray;
 use crate::lattice::RootCube;
 use crate::progress::Progress;
 use dipole::Dipole;
@@ -25,6 +26,11 @@ pub use brick::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece};
 pub use nearest::median_distance;
 pub use normals::estimate_normals;
 pub use surfels::{Surfel, Surfels};
+
+fn dipoles_of(surfels: &Surfels, root: RootCube) -> Result<LargeArray<Dipole>> {
+    let all = &surfels.all;
+    LargeArray::of_each(all.len(), all.room(), |number| Some(Dipole::new(&all[number], root)))
+}
 
 /// The field of an oriented point cloud (Barill et al. 2018): w = Σ a·(x − p)/(4π|x − p|³) over its points x. Each is
 /// spread over a ball that reaches about as far as its neighbours, within which there is no pole (the formula stands
@@ -36,9 +42,18 @@ pub struct CloudField {
 
 impl CloudField {
     /// Of surfels, snapped to the lattice of `root`.
-    pub fn new(surfels: &Surfels, root: RootCube) -> CloudField {
-        let dipoles = surfels.all.par_iter().map(|surfel| Dipole::new(surfel, root)).collect();
-        CloudField { tree: ClusterTree::new(dipoles) }
+    ///
+    /// # Errors
+    /// If the temporary file for what memory has no room for cannot be written.
+    pub fn new(surfels: &Surfels, root: RootCube) -> Result<CloudField> {
+        Ok(CloudField { tree: ClusterTree::of(dipoles_of(surfels, root)?)? })
+    }
+
+    /// As [`CloudField::new`], of surfels that nobody else needs.
+    pub(super) fn of_all(surfels: Surfels, root: RootCube) -> Result<CloudField> {
+        let dipoles = dipoles_of(&surfels, root)?;
+        drop(surfels);
+        Ok(CloudField { tree: ClusterTree::of(dipoles)? })
     }
 
     /// The winding number at each point, off from the sum over all dipoles by at most `error`. Points are

@@ -1,6 +1,8 @@
-//! The nearest neighbours of points, equal distances in the order of the points' numbers, so that the answer
+//! The nearest neighbours of points, equal distances in the order of the points' places, so that the answer
 //! depends on nothing but the points.
 
+use crate::large_array::LargeArray;
+use bytemuck::Pod;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -8,10 +10,24 @@ use std::collections::BinaryHeap;
 /// Points of a part that is not divided.
 const LEAF_POINTS: usize = 8;
 
+/// What has a place.
+pub(super) trait Located: Pod + Send + Sync {
+    /// Where it is.
+    fn place(&self) -> [f64; 3];
+}
+
+impl Located for [f64; 3] {
+    fn place(&self) -> [f64; 3] {
+        *self
+    }
+}
+
 /// Points in a balanced k-d tree (Bentley 1975): a part's middle point divides it, those before it are lower
 /// along the part's axis.
-pub(super) struct KdTree {
-    points: Vec<([f64; 3], u32)>,
+///
+/// Points that are near each other have near numbers, so that few pages of large arrays are in use.
+pub(super) struct KdTree<P> {
+    points: LargeArray<P>,
 }
 
 /// A point found.
@@ -19,12 +35,16 @@ pub(super) struct KdTree {
 pub(super) struct Neighbour {
     /// Distance squared.
     pub squared: f64,
+    /// Where it is.
+    pub place: [f64; 3],
+    /// Its number in the tree.
     pub number: u32,
 }
 
 impl Ord for Neighbour {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.squared.total_cmp(&other.squared).then(self.number.cmp(&other.number))
+        let of_place = || by_place(self.place, other.place).then(self.number.cmp(&other.number));
+        self.squared.total_cmp(&other.squared).then_with(of_place)
     }
 }
 
@@ -42,18 +62,34 @@ impl PartialEq for Neighbour {
 
 impl Eq for Neighbour {}
 
-impl KdTree {
-    pub fn new(points: &[[f64; 3]]) -> KdTree {
-        let mut points: Vec<_> = points.iter().zip(0..).map(|(p, number)| (*p, number)).collect();
+/// The order of places: by x, then y, then z.
+pub(super) fn by_place(p: [f64; 3], q: [f64; 3]) -> Ordering {
+    along_axes(p, q, 0)
+}
+
+/// The order along an axis, then along the two that follow it.
+fn along_axes(p: [f64; 3], q: [f64; 3], axis: usize) -> Ordering {
+    let along = |n: usize| p[(axis + n) % 3].total_cmp(&q[(axis + n) % 3]);
+    along(0).then_with(|| along(1)).then_with(|| along(2))
+}
+
+impl<P: Located> KdTree<P> {
+    /// Puts points into the order of a tree.
+    pub fn new(mut points: LargeArray<P>) -> KdTree<P> {
         divide(&mut points, 0);
         KdTree { points }
+    }
+
+    /// The points, by number.
+    pub fn points(&self) -> &LargeArray<P> {
+        &self.points
     }
 
     /// The `count` points nearest to `p`, in order.
     pub fn around(&self, p: [f64; 3], count: usize) -> Vec<Neighbour> {
         let mut found = BinaryHeap::with_capacity(count + 1);
         if count > 0 {
-            search(&self.points, 0, p, count, &mut found);
+            search((&self.points, 0), 0, p, count, &mut found);
         }
         found.into_sorted_vec()
     }
@@ -68,7 +104,7 @@ pub fn median_distance(points: &[[f64; 3]]) -> f64 {
     if points.len() < 2 {
         return 0.0;
     }
-    let tree = KdTree::new(points);
+    let tree = KdTree::new(LargeArray::from(points.to_vec()));
     let step = points.len().div_ceil(SAMPLED_POINTS);
     let sampled: Vec<[f64; 3]> = points.iter().step_by(step).copied().collect();
     let squared = |p: &[f64; 3]| tree.around(*p, 2).last().map_or(0.0, |nearest| nearest.squared);
@@ -77,14 +113,12 @@ pub fn median_distance(points: &[[f64; 3]]) -> f64 {
     all.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
 }
 
-fn divide(points: &mut [([f64; 3], u32)], axis: usize) {
+fn divide<P: Located>(points: &mut [P], axis: usize) {
     if points.len() <= LEAF_POINTS {
         return;
     }
     let middle = points.len() / 2;
-    let order =
-        |a: &([f64; 3], u32), b: &([f64; 3], u32)| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1));
-    points.select_nth_unstable_by(middle, order);
+    points.select_nth_unstable_by(middle, |a, b| along_axes(a.place(), b.place(), axis));
     let (lower, upper) = points.split_at_mut(middle);
     let next = (axis + 1) % 3;
     if lower.len() > 4096 {
@@ -95,16 +129,18 @@ fn divide(points: &mut [([f64; 3], u32)], axis: usize) {
     }
 }
 
-fn search(
-    points: &[([f64; 3], u32)],
+/// Looks among some points, the first of which has the number `first`.
+fn search<P: Located>(
+    (points, first): (&[P], u32),
     axis: usize,
     p: [f64; 3],
     count: usize,
     found: &mut BinaryHeap<Neighbour>,
 ) {
-    let mut consider = |(q, number): &([f64; 3], u32)| {
-        let squared = (0..3).map(|a| (q[a] - p[a]) * (q[a] - p[a])).sum();
-        let neighbour = Neighbour { squared, number: *number };
+    let mut consider = |at: usize| {
+        let place = points[at].place();
+        let squared = (0..3).map(|a| (place[a] - p[a]) * (place[a] - p[a])).sum();
+        let neighbour = Neighbour { squared, place, number: first + at as u32 };
         if found.len() < count {
             found.push(neighbour);
         } else if let Some(mut farthest) = found.peek_mut()
@@ -114,16 +150,16 @@ fn search(
         }
     };
     if points.len() <= LEAF_POINTS {
-        points.iter().for_each(consider);
+        (0..points.len()).for_each(consider);
         return;
     }
     let middle = points.len() / 2;
-    consider(&points[middle]);
-    let beyond = p[axis] - points[middle].0[axis];
-    let (lower, upper) = (&points[..middle], &points[middle + 1..]);
+    consider(middle);
+    let beyond = p[axis] - points[middle].place()[axis];
+    let (lower, upper) = ((&points[..middle], first), (&points[middle + 1..], first + middle as u32 + 1));
     let (near, far) = if beyond < 0.0 { (lower, upper) } else { (upper, lower) };
     search(near, (axis + 1) % 3, p, count, found);
-    // Equal distances too: the number decides between them.
+    // Equal distances too: the place decides between them.
     let worst = found.peek().map_or(f64::INFINITY, |n| n.squared);
     if found.len() < count || beyond * beyond <= worst {
         search(far, (axis + 1) % 3, p, count, found);
@@ -142,18 +178,16 @@ mod tests {
             // Coarse positions, so that many distances are equal and points coincide.
             let points: Vec<[f64; 3]> =
                 (0..count).map(|_| std::array::from_fn(|_| f64::from(rng.below(12)))).collect();
-            let tree = KdTree::new(&points);
+            let tree = KdTree::new(points.clone().into());
             for k in [1, 7, 40] {
                 let p = std::array::from_fn(|_| f64::from(rng.below(12)));
-                let squared = |q: &[f64; 3]| (0..3).map(|a| (q[a] - p[a]) * (q[a] - p[a])).sum();
-                let mut all: Vec<Neighbour> = points
-                    .iter()
-                    .zip(0..)
-                    .map(|(q, number)| Neighbour { squared: squared(q), number })
-                    .collect();
-                all.sort_unstable();
+                let squared = |q: &[f64; 3]| (0..3).map(|a| (q[a] - p[a]) * (q[a] - p[a])).sum::<f64>();
+                let mut all: Vec<[f64; 3]> = points.clone();
+                all.sort_unstable_by(|a, b| squared(a).total_cmp(&squared(b)).then(by_place(*a, *b)));
                 all.truncate(k);
-                assert_eq!(tree.around(p, k), all);
+                let found = tree.around(p, k);
+                assert!(found.iter().all(|n| n.place == tree.points()[n.number as usize]));
+                assert_eq!(found.iter().map(|n| n.place).collect::<Vec<_>>(), all);
             }
         }
     }

@@ -1,43 +1,92 @@
 //! Normals of unoriented points: the plane through each point's neighbours, turned outward along a minimum
 //! spanning tree (Hoppe et al. 1992, sections 3.1 to 3.3).
+//!
+//! Points are taken in the order of a k-d tree, so that neighbours are near each other in memory too, and only a part of the
+//! edges of the graph of neighbours is in memory at once (Osipov, Sanders & Singler 2009).
 
-use super::nearest::KdTree;
+use super::nearest::{KdTree, Located};
 use crate::error::Result;
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::lattice::dot;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
+use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
 /// Neighbours, the point itself among them, that give its plane, and that it hands its orientation to.
 const NEIGHBOURS: usize = 16;
 /// Sweeps of the eigenvalue iteration, which converges quadratically: five or six suffice for 3 × 3.
 const SWEEPS: usize = 12;
+/// Edges that are sorted together: 400 MB of them. It is no setting, since it decides between edges where more of them have
+/// one cost.
+const EDGES_AT_ONCE: usize = 1 << 25;
+/// Points whose edges are looked at by all threads before they are gathered.
+const POINTS_AT_ONCE: usize = 1 << 16;
+/// Costs of 1: 2^-30 resolves costs better than normals are known.
+const COST_ONE: f64 = (1 << 30) as f64;
+
+/// A point in the order of the tree.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct NumberedPoint {
+    position: [f64; 3],
+    /// Its number in the cloud.
+    number: u64,
+}
+
+impl Located for NumberedPoint {
+    fn place(&self) -> [f64; 3] {
+        self.position
+    }
+}
+
+/// The plane through a point's neighbours.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct PointPlane {
+    normal: [f64; 3],
+    /// Numbers in the tree; where there are fewer, the point's own.
+    around: [u32; NEIGHBOURS],
+}
+
+/// An edge of the graph of neighbours: what it costs, the lower of its ends, the other one.
+type GraphEdge = (u32, u32, u32);
 
 /// Replaces the cloud's normals by estimated ones of length 1. In each connected part of the graph of
 /// neighbours the topmost point's normal points up, and the others follow from it across the edges along which
 /// normals differ least. Points that coincide with all their neighbours get a normal of 0.
 ///
 /// # Errors
-/// If the user interrupts.
+/// If the user interrupts; if the temporary file for what memory has no room for cannot be written.
 pub fn estimate_normals(cloud: &mut PointCloud, progress: &dyn Progress) -> Result<()> {
-    let points = &cloud.points;
+    let (points, room) = (&cloud.points, cloud.points.room().clone());
     progress.phase("estimating normals", Some(points.len() as u64), "points");
-    let tree = KdTree::new(points);
-    let found: Vec<([f64; 3], Vec<u32>)> = points
-        .par_iter()
-        .map(|p| {
-            let around: Vec<u32> = tree.around(*p, NEIGHBOURS).iter().map(|n| n.number).collect();
-            progress.advance(1);
-            (plane_normal(around.iter().map(|&n| points[n as usize])), around)
-        })
-        .collect();
+    let numbered = |n: usize| Some(NumberedPoint { position: points[n], number: n as u64 });
+    let tree = KdTree::new(LargeArray::of_each(points.len(), &room, numbered)?);
+    let plane = |number: usize| {
+        progress.advance(1);
+        if progress.cancelled() { None } else { Some(plane_of(number, &tree)) }
+    };
+    let mut planes = LargeArray::of_each(tree.points().len(), &room, plane)?;
     progress.check()?;
-    let (mut normals, around): (Vec<[f64; 3]>, Vec<Vec<u32>>) = found.into_iter().unzip();
-    let edges = spanning_edges(&normals, &around);
-    orient(points, &mut normals, &edges);
+    let mut forest = Forest::new(planes.len(), &room)?;
+    forest.span(&planes, EDGES_AT_ONCE)?;
+    progress.check()?;
+    orient(tree.points(), &mut planes, forest)?;
+    let mut normals = LargeArray::zeroed(planes.len(), &room)?;
+    for (point, plane) in tree.points().iter().zip(planes.iter()) {
+        normals[point.number as usize] = plane.normal;
+    }
     progress.check()?;
     cloud.normals = normals;
     Ok(())
+}
+
+fn plane_of(number: usize, tree: &KdTree<NumberedPoint>) -> PointPlane {
+    let near = tree.around(tree.points()[number].position, NEIGHBOURS);
+    let mut around = [number as u32; NEIGHBOURS];
+    around.iter_mut().zip(&near).for_each(|(to, neighbour)| *to = neighbour.number);
+    PointPlane { normal: plane_normal(near.iter().map(|neighbour| neighbour.place)), around }
 }
 
 /// The direction in which the points extend least; 0 if they coincide.
@@ -90,79 +139,233 @@ fn eigenvectors(m: &mut [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     v
 }
 
-/// The edges of a minimum spanning forest of the graph of neighbours, the cost of an edge being how much the
-/// planes at its ends differ (Kruskal 1956). Equal costs are taken in the order of the points.
-fn spanning_edges(normals: &[[f64; 3]], around: &[Vec<u32>]) -> Vec<(u32, u32)> {
-    let of_point = |(a, near): (usize, &Vec<u32>)| -> Vec<(u32, u32, u32)> {
-        let a = a as u32;
-        let cost = |b: u32| 1.0 - dot(normals[a as usize], normals[b as usize]).abs();
-        // 2^-30 resolves costs better than normals are known.
-        let edge = |&b: &u32| ((cost(b).max(0.0) * f64::from(1 << 30)) as u32, a.min(b), a.max(b));
-        near.iter().filter(|&&b| b != a).map(edge).collect()
-    };
-    let mut edges: Vec<(u32, u32, u32)> = around.par_iter().enumerate().flat_map_iter(of_point).collect();
-    edges.par_sort_unstable();
-    edges.dedup();
-    let mut parents: Vec<u32> = (0..normals.len() as u32).collect();
-    let mut kept = Vec::with_capacity(normals.len());
-    for (_, a, b) in edges {
-        let (root_a, root_b) = (root_of(&mut parents, a), root_of(&mut parents, b));
-        if root_a != root_b {
-            parents[root_a.max(root_b) as usize] = root_a.min(root_b);
-            kept.push((a, b));
-        }
+impl PointPlane {
+    /// How much two planes differ.
+    fn cost(&self, other: &PointPlane) -> u32 {
+        ((1.0 - dot(self.normal, other.normal).abs()).max(0.0) * COST_ONE) as u32
     }
-    kept
 }
 
-fn root_of(parents: &mut [u32], mut v: u32) -> u32 {
-    while parents[v as usize] != v {
-        parents[v as usize] = parents[parents[v as usize] as usize];
-        v = parents[v as usize];
+/// The edges of a point that are not those of a point before it.
+fn edges_of(number: usize, planes: &[PointPlane]) -> impl Iterator<Item = GraphEdge> {
+    let own = number as u32;
+    let is_first = move |b: u32| b > own || (b < own && !planes[b as usize].around.contains(&own));
+    let around = planes[number].around.into_iter().filter(move |&b| is_first(b));
+    around.map(move |b| (planes[number].cost(&planes[b as usize]), own.min(b), own.max(b)))
+}
+
+/// A spanning forest of the graph of neighbours, the cost of an edge being how much the planes at its ends differ.
+struct Forest {
+    /// Of each point one that hangs together with it and has no higher number.
+    parents: Vec<u32>,
+    kept: LargeArray<[u32; 2]>,
+}
+
+impl Forest {
+    fn new(points: usize, room: &ArrayRoom) -> Result<Forest> {
+        Ok(Forest { parents: (0..points as u32).collect(), kept: LargeArray::new(room) })
     }
-    v
+
+    /// Finds the edges of least cost (Kruskal 1956), those that cost less before others, so that most of these are known to
+    /// join nothing when their turn comes. Equal costs are taken in the order of the points, as long as not more than
+    /// `at_once` edges of one cost may join something.
+    fn span(&mut self, planes: &[PointPlane], at_once: usize) -> Result<()> {
+        let ends = ends_of_bands(planes, at_once);
+        let mut from = 0;
+        while let Some(&end) = ends.iter().find(|end| **end > from) {
+            from = self.span_band(planes, (from, end), at_once)?;
+        }
+        Ok(())
+    }
+
+    /// Takes edges that cost at least `from`, and less than `to` or, if more than `at_once` of these may join something, less
+    /// than what is returned.
+    fn span_band(
+        &mut self,
+        planes: &[PointPlane],
+        (from, mut to): (u32, u32),
+        at_once: usize,
+    ) -> Result<u32> {
+        let mut edges: Vec<GraphEdge> = Vec::new();
+        for first in (0..planes.len()).step_by(POINTS_AT_ONCE) {
+            let of_band = |edge: &GraphEdge| (from..to).contains(&edge.0);
+            let numbers = first..planes.len().min(first + POINTS_AT_ONCE);
+            let some: Vec<GraphEdge> =
+                numbers.into_par_iter().flat_map_iter(|n| edges_of(n, planes).filter(of_band)).collect();
+            edges.extend(some.into_iter().filter(|edge| self.root_of(edge.1) != self.root_of(edge.2)));
+            if edges.len() <= at_once {
+                continue;
+            }
+            edges.par_sort_unstable();
+            let middle = edges[edges.len() / 2].0;
+            if middle > edges[0].0 {
+                // The dearer ones come again.
+                to = middle;
+                edges.truncate(edges.partition_point(|edge| edge.0 < to));
+            } else {
+                edges.retain(|edge| edge.0 == middle);
+                to = middle + 1;
+                self.join(&mut edges)?;
+            }
+        }
+        self.join(&mut edges)?;
+        Ok(to)
+    }
+
+    /// Takes those of some edges that join what is apart.
+    fn join(&mut self, edges: &mut Vec<GraphEdge>) -> Result<()> {
+        edges.par_sort_unstable();
+        for (_, a, b) in edges.drain(..) {
+            let (root_a, root_b) = (self.root_of(a), self.root_of(b));
+            if root_a != root_b {
+                self.parents[root_a.max(root_b) as usize] = root_a.min(root_b);
+                self.kept.push([a, b])?;
+            }
+        }
+        Ok(())
+    }
+
+    fn root_of(&mut self, mut v: u32) -> u32 {
+        let parents = &mut self.parents;
+        while parents[v as usize] != v {
+            parents[v as usize] = parents[parents[v as usize] as usize];
+            v = parents[v as usize];
+        }
+        v
+    }
+}
+
+/// Where ranges of costs end: the first has about `at_once` edges, each other one twice as many as the one before.
+fn ends_of_bands(planes: &[PointPlane], at_once: usize) -> Vec<u32> {
+    // By their three leading bits.
+    let class_of = |cost: u32| {
+        let bits = 32 - cost.leading_zeros();
+        if bits <= 3 { cost } else { 4 * (bits - 1) + (cost >> (bits - 3) & 3) }
+    };
+    let first_of = |class: u32| if class < 8 { class } else { (4 + (class & 3)) << (class / 4 - 2) };
+    let count = |mut counts: Vec<usize>, number: usize| {
+        edges_of(number, planes).for_each(|edge| counts[class_of(edge.0) as usize] += 1);
+        counts
+    };
+    let sum = |a: Vec<usize>, b: Vec<usize>| a.iter().zip(b).map(|(a, b)| a + b).collect();
+    let none = || vec![0usize; 128];
+    let counts = (0..planes.len()).into_par_iter().fold(none, count).reduce(none, sum);
+    let (mut ends, mut edges, mut enough) = (Vec::new(), 0usize, at_once);
+    for (class, count) in (0u32..).zip(counts) {
+        if edges > 0 && edges + count > enough {
+            ends.push(first_of(class));
+            (edges, enough) = (0, enough.saturating_mul(2));
+        }
+        edges += count;
+    }
+    ends.push(u32::MAX);
+    ends
 }
 
 /// Turns normals the same way along the edges of a forest, from each tree's topmost point, whose normal
 /// points up.
-fn orient(points: &[[f64; 3]], normals: &mut [[f64; 3]], edges: &[(u32, u32)]) {
-    let mut starts = vec![0u32; points.len() + 1];
-    edges.iter().flat_map(|&(a, b)| [a, b]).for_each(|v| starts[v as usize + 1] += 1);
+fn orient(points: &[NumberedPoint], planes: &mut LargeArray<PointPlane>, forest: Forest) -> Result<()> {
+    let (room, count) = (planes.room().clone(), points.len());
+    let tops = tops_of(points, &forest, &room)?;
+    let edges = forest.kept;
+    drop(forest.parents);
+    let mut starts = LargeArray::<u32>::zeroed(count + 1, &room)?;
+    edges.iter().flatten().for_each(|&v| starts[v as usize + 1] += 1);
     (1..starts.len()).for_each(|v| starts[v] += starts[v - 1]);
-    let mut next = starts.clone();
-    let mut linked = vec![0u32; 2 * edges.len()];
-    for &(a, b) in edges {
+    // Each begins where the next one ends once all are there.
+    let mut linked = LargeArray::<u32>::zeroed(2 * edges.len(), &room)?;
+    let mut ends = starts.clone_within()?;
+    for &[a, b] in &edges {
         for (from, to) in [(a, b), (b, a)] {
-            linked[next[from as usize] as usize] = to;
-            next[from as usize] += 1;
+            linked[ends[from as usize] as usize] = to;
+            ends[from as usize] += 1;
         }
     }
-    let mut by_height: Vec<u32> = (0..points.len() as u32).collect();
-    by_height.sort_by(|&a, &b| points[b as usize][2].total_cmp(&points[a as usize][2]));
-    let mut done = vec![false; points.len()];
+    drop((edges, ends));
     let mut waiting = Vec::new();
-    for top in by_height {
-        if done[top as usize] {
-            continue;
-        }
-        done[top as usize] = true;
-        turn(&mut normals[top as usize], [0.0, 0.0, 1.0]);
-        waiting.push(top);
-        while let Some(v) = waiting.pop() {
-            let along = normals[v as usize];
+    for &top in &tops {
+        turn(&mut planes[top as usize].normal, [0.0, 0.0, 1.0]);
+        // From each point to all but the one that it was reached from.
+        waiting.push((top, top));
+        while let Some((v, before)) = waiting.pop() {
+            let along = planes[v as usize].normal;
             for &to in &linked[starts[v as usize] as usize..starts[v as usize + 1] as usize] {
-                if !std::mem::replace(&mut done[to as usize], true) {
-                    turn(&mut normals[to as usize], along);
-                    waiting.push(to);
+                if to != before {
+                    turn(&mut planes[to as usize].normal, along);
+                    waiting.push((to, v));
                 }
             }
         }
     }
+    Ok(())
+}
+
+/// The topmost point of each tree, of several the first.
+fn tops_of(points: &[NumberedPoint], forest: &Forest, room: &ArrayRoom) -> Result<LargeArray<u32>> {
+    let count = points.len();
+    // Parents have lower numbers, so one pass in order finds all roots.
+    let mut roots = LargeArray::<u32>::zeroed(count, room)?;
+    for v in 0..count {
+        let parent = forest.parents[v] as usize;
+        roots[v] = if parent == v { v as u32 } else { roots[parent] };
+    }
+    let mut tops = LargeArray::of_each(count, room, |v| Some(v as u32))?;
+    let height = |v: u32| points[v as usize].position[2];
+    for v in 0..count as u32 {
+        let top = &mut tops[roots[v as usize] as usize];
+        if height(v) > height(*top) {
+            *top = v;
+        }
+    }
+    LargeArray::of_each(count, room, |v| (roots[v] == v as u32).then(|| tops[v]))
 }
 
 /// Makes the normal point the way of `along` rather than against it.
 fn turn(normal: &mut [f64; 3], along: [f64; 3]) {
     if dot(*normal, along) < 0.0 {
         *normal = normal.map(|c| -c);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use brickfield_bench_data::Rng;
+
+    /// Planes with normals at random or along an axis, around each of which are the numbers next to it.
+    fn planes(count: usize, rng: &mut Rng) -> Vec<PointPlane> {
+        let near = |n: usize, i: usize| (n + i).saturating_sub(NEIGHBOURS / 2).min(count - 1) as u32;
+        let mut normal = || match rng.below(3) {
+            0 => [0.0, 0.0, 1.0],
+            _ => {
+                let v: [f64; 3] = std::array::from_fn(|_| rng.range(-1.0, 1.0));
+                let length = dot(v, v).sqrt();
+                v.map(|c| c / length)
+            }
+        };
+        let plane = |n| PointPlane { normal: normal(), around: std::array::from_fn(|i| near(n, i)) };
+        (0..count).map(plane).collect()
+    }
+
+    /// However few edges are in memory at once, the forest spans at the same cost.
+    #[test]
+    fn forests_do_not_depend_on_what_is_in_memory() {
+        let mut rng = Rng::new(7);
+        let planes = planes(5000, &mut rng);
+        let cost = |forest: &Forest| -> u64 {
+            forest.kept.iter().map(|&[a, b]| u64::from(planes[a as usize].cost(&planes[b as usize]))).sum()
+        };
+        let room = ArrayRoom::unbounded();
+        let mut all = Vec::new();
+        for at_once in [usize::MAX / 2, 4000, 1000, 10] {
+            let mut forest = Forest::new(planes.len(), &room).unwrap();
+            forest.span(&planes, at_once).unwrap();
+            assert_eq!(forest.kept.len(), planes.len() - 1);
+            all.push(cost(&forest));
+        }
+        let ends = ends_of_bands(&planes, 4000);
+        assert!(ends.len() >= 3 && ends.windows(2).all(|pair| pair[0] < pair[1]), "{ends:?}");
+        assert_eq!(ends_of_bands(&planes, usize::MAX / 2), [u32::MAX]);
+        assert!(all.iter().all(|cost| *cost == all[0]), "{all:?}");
     }
 }

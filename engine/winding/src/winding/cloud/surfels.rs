@@ -1,11 +1,13 @@
 //! Points with the surface that each stands for.
 
 use super::area::cell_area;
-use super::nearest::KdTree;
+use super::nearest::{KdTree, Located, by_place};
 use crate::error::{Error, Result};
+use crate::large_array::LargeArray;
 use crate::lattice::length;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
+use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -23,7 +25,8 @@ const SPREAD: f64 = 1.5;
 const MARGIN: f64 = 2.0;
 
 /// A point, and the surface that it stands for, in the cloud's own unit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Surfel {
     /// Where it is.
     pub position: [f64; 3],
@@ -37,7 +40,7 @@ pub struct Surfel {
 #[derive(Clone, Debug)]
 pub struct Surfels {
     /// One for each point that has an area, by position.
-    pub all: Vec<Surfel>,
+    pub all: LargeArray<Surfel>,
     /// Points that have none: repeated ones, and those with a normal of length 0.
     pub void: u64,
     /// Root of the median area: the distance of neighbouring points, were they a square grid.
@@ -53,40 +56,27 @@ impl Surfels {
     ///
     /// # Errors
     /// [`Error::Setting`] if a point lacks a normal; if the user interrupts.
-    pub fn of(cloud: &PointCloud, progress: &dyn Progress) -> Result<Surfels> {
-        if cloud.normals.len() != cloud.points.len() {
+    pub fn of(cloud: PointCloud, progress: &dyn Progress) -> Result<Surfels> {
+        let (count, box_of_all) = (cloud.points.len(), cloud.bounds());
+        if cloud.normals.len() != count {
             return Err(Error::setting("the points have no normals", "estimate them"));
         }
-        progress.phase("measuring", Some(cloud.points.len() as u64), "points");
-        // Without -0, which would sort away from 0.
-        let mut sorted: Vec<([f64; 3], u32)> =
-            cloud.points.iter().zip(0..).map(|(p, number)| (p.map(|c| c + 0.0), number)).collect();
-        sorted.par_sort_unstable_by(|(p, a), (q, b)| {
-            let along = |axis: usize| p[axis].total_cmp(&q[axis]);
-            along(0).then_with(|| along(1)).then_with(|| along(2)).then(a.cmp(b))
-        });
-        sorted.dedup_by_key(|(p, _)| *p);
-        let positions: Vec<[f64; 3]> = sorted.iter().map(|(p, _)| *p).collect();
-        let normals: Vec<Option<[f64; 3]>> =
-            sorted.iter().map(|&(_, number)| unit(cloud.normals[number as usize])).collect();
-        drop(sorted);
-        let nearest = KdTree::new(&positions);
+        progress.phase("measuring", Some(count as u64), "points");
+        let nearest = KdTree::new(distinct(cloud)?);
+        let room = nearest.points().room();
         let surfel = |number: usize| {
             progress.advance(1);
-            if progress.cancelled() {
-                return None;
-            }
-            surfel_of(number, &positions, &normals, &nearest)
+            if progress.cancelled() { None } else { surfel_of(number, &nearest) }
         };
-        let all: Vec<Surfel> = (0..positions.len()).into_par_iter().filter_map(surfel).collect();
+        let mut all = LargeArray::of_each(nearest.points().len(), room, surfel)?;
         progress.check()?;
-        let mut areas: Vec<f64> = all.iter().map(|s| length(s.area)).collect();
+        all.par_sort_unstable_by(|a, b| by_place(a.position, b.position));
+        let mut areas = LargeArray::of_each(all.len(), room, |number| Some(length(all[number].area)))?;
         let spacing = match areas.len() {
             0 => 0.0,
             n => areas.select_nth_unstable_by(n / 2, f64::total_cmp).1.sqrt(),
         };
-        let void = (cloud.points.len() - all.len()) as u64;
-        Ok(Surfels { all, void, spacing, points: cloud.bounds() })
+        Ok(Surfels { void: (count - all.len()) as u64, all, spacing, points: box_of_all })
     }
 
     /// The box that a root cube has to hold: two spacings more than the points on every side.
@@ -96,19 +86,56 @@ impl Surfels {
     }
 }
 
-fn surfel_of(
-    number: usize,
-    positions: &[[f64; 3]],
-    normals: &[Option<[f64; 3]>],
-    nearest: &KdTree,
-) -> Option<Surfel> {
-    let (position, normal) = (positions[number], normals[number]?);
+/// A point of a cloud, and the direction that it faces, 0 if it has none.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct FacingPoint {
+    position: [f64; 3],
+    normal: [f64; 3],
+    /// Its number in the cloud.
+    number: u64,
+}
+
+impl FacingPoint {
+    fn normal(&self) -> Option<[f64; 3]> {
+        (self.normal != [0.0; 3]).then_some(self.normal)
+    }
+}
+
+impl Located for FacingPoint {
+    fn place(&self) -> [f64; 3] {
+        self.position
+    }
+}
+
+/// The points of a cloud, of those that coincide the first.
+fn distinct(cloud: PointCloud) -> Result<LargeArray<FacingPoint>> {
+    let PointCloud { points, normals } = cloud;
+    let facing = |number: usize| {
+        // Without -0, which would sort away from 0.
+        let position = points[number].map(|c| c + 0.0);
+        Some(FacingPoint {
+            position,
+            normal: unit(normals[number]).unwrap_or_default(),
+            number: number as u64,
+        })
+    };
+    let mut all = LargeArray::of_each(points.len(), points.room(), facing)?;
+    drop((points, normals));
+    all.par_sort_unstable_by(|a, b| by_place(a.position, b.position).then(a.number.cmp(&b.number)));
+    all.dedup_by(|a, b| a.position == b.position);
+    Ok(all)
+}
+
+fn surfel_of(number: usize, nearest: &KdTree<FacingPoint>) -> Option<Surfel> {
+    let points = nearest.points();
+    let (position, normal) = (points[number].position, points[number].normal()?);
     // The point itself is the first of them.
     let around = &nearest.around(position, NEIGHBOURS + 1)[1..];
     let ways = around.iter().filter_map(|n| {
-        let (q, other) = (positions[n.number as usize], normals[n.number as usize]?);
+        let other = points[n.number as usize].normal()?;
         let alike = (0..3).map(|a| normal[a] * other[a]).sum::<f64>() > 0.0;
-        alike.then(|| std::array::from_fn(|a| q[a] - position[a]))
+        alike.then(|| std::array::from_fn(|a| n.place[a] - position[a]))
     });
     let reach = around.get(REACH_NEIGHBOUR - 1).or(around.last()).map_or(0.0, |n| n.squared).sqrt();
     let area = cell_area(normal, ways, reach);

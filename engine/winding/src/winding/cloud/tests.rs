@@ -24,10 +24,8 @@ fn scattered(facets: &[Facet], count: usize, rng: &mut Rng) -> PointCloud {
         if u + v > 1.0 {
             (u, v) = (1.0 - u, 1.0 - v);
         }
-        cloud
-            .points
-            .push(std::array::from_fn(|a| t[0][a] + u * (t[1][a] - t[0][a]) + v * (t[2][a] - t[0][a])));
-        cloud.normals.push(normal(t));
+        let at = std::array::from_fn(|a| t[0][a] + u * (t[1][a] - t[0][a]) + v * (t[2][a] - t[0][a]));
+        cloud.push(at, Some(normal(t))).unwrap();
     }
     cloud
 }
@@ -42,7 +40,7 @@ fn root_of(surfels: &Surfels) -> RootCube {
 }
 
 fn surfels_of(cloud: &PointCloud) -> Surfels {
-    Surfels::of(cloud, &Silent).unwrap()
+    Surfels::of(cloud.clone(), &Silent).unwrap()
 }
 
 fn points_around(root: RootCube, count: usize, rng: &mut Rng) -> Vec<[f64; 3]> {
@@ -54,8 +52,8 @@ fn points_around(root: RootCube, count: usize, rng: &mut Rng) -> Vec<[f64; 3]> {
 fn right_share(mesh: &Vec<Facet>, cloud: &PointCloud, rng: &mut Rng) -> f64 {
     let surfels = surfels_of(cloud);
     let root = root_of(&surfels);
-    let field = CloudField::new(&surfels, root);
-    let nearest = KdTree::new(&cloud.points);
+    let field = CloudField::new(&surfels, root).unwrap();
+    let nearest = KdTree::new(cloud.points.clone());
     let spacing = |p: [f64; 3]| nearest.around(p, 2)[1].squared.sqrt();
     let mean = cloud.points.iter().step_by(50).map(|p| spacing(*p)).sum::<f64>()
         / cloud.points.iter().step_by(50).count() as f64;
@@ -81,14 +79,12 @@ fn the_tree_keeps_its_bound_and_ignores_threads_and_order() {
     let mut rng = Rng::new(2);
     let mut cloud = scattered(&torus(), 3_000, &mut rng);
     // Twice the same point, and one without direction.
-    cloud.points.push(cloud.points[5]);
-    cloud.normals.push(cloud.normals[5]);
-    cloud.points.push([1.0, 2.0, 3.0]);
-    cloud.normals.push([0.0; 3]);
+    cloud.push(cloud.points[5], Some(cloud.normals[5])).unwrap();
+    cloud.push([1.0, 2.0, 3.0], Some([0.0; 3])).unwrap();
     let surfels = surfels_of(&cloud);
     assert_eq!((surfels.all.len(), surfels.void), (3_000, 2));
     let root = root_of(&surfels);
-    let field = CloudField::new(&surfels, root);
+    let field = CloudField::new(&surfels, root).unwrap();
     let mut points = points_around(root, 500, &mut rng);
     // In the balls, at their middles and on their borders.
     for surfel in surfels.all.iter().step_by(10) {
@@ -107,7 +103,7 @@ fn the_tree_keeps_its_bound_and_ignores_threads_and_order() {
     }
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let found = one.install(|| {
-        CloudField::new(&surfels_of(&cloud), root).winding_at(root, &points, 1e-3, &Silent).unwrap()
+        CloudField::new(&surfels_of(&cloud), root).unwrap().winding_at(root, &points, 1e-3, &Silent).unwrap()
     });
     assert_eq!(found, field.winding_at(root, &points, 1e-3, &Silent).unwrap());
 }
@@ -116,8 +112,8 @@ fn the_tree_keeps_its_bound_and_ignores_threads_and_order() {
 fn estimated_normals_point_outward() {
     let mut rng = Rng::new(3);
     let cloud = scattered(&torus(), 20_000, &mut rng);
-    let mut bare = PointCloud { points: cloud.points.clone(), normals: Vec::new() };
-    assert!(Surfels::of(&bare, &Silent).is_err());
+    let mut bare = PointCloud { points: cloud.points.clone(), ..PointCloud::default() };
+    assert!(Surfels::of(bare.clone(), &Silent).is_err());
     estimate_normals(&mut bare, &Silent).unwrap();
     let outward = |(a, b): &(&[f64; 3], &[f64; 3])| (0..3).map(|i| a[i] * b[i]).sum::<f64>() > 0.0;
     let right = bare.normals.iter().zip(&cloud.normals).filter(outward).count() as f64 / 20_000.0;
@@ -132,11 +128,12 @@ fn parts_are_oriented_on_their_own_and_coinciding_points_have_no_normal() {
     let one = scattered(&torus(), 4_000, &mut rng);
     let mut two = PointCloud::default();
     for shift in [0.0, 100.0] {
-        two.points.extend(one.points.iter().map(|p| [p[0] + shift, p[1], p[2] - shift]));
-        two.normals.extend(&one.normals);
+        let moved = |p: &[f64; 3]| [p[0] + shift, p[1], p[2] - shift];
+        let oriented = one.points.iter().map(moved).zip(one.normals.iter());
+        oriented.for_each(|(p, n)| two.push(p, Some(*n)).unwrap());
     }
-    let mut bare = PointCloud { points: two.points.clone(), normals: Vec::new() };
-    bare.points.extend([[500.0; 3]; 20]);
+    let mut bare = PointCloud { points: two.points.clone(), ..PointCloud::default() };
+    bare.points.extend_from_slice(&[[500.0; 3]; 20]).unwrap();
     estimate_normals(&mut bare, &Silent).unwrap();
     let outward = |(a, b): &(&[f64; 3], &[f64; 3])| (0..3).map(|i| a[i] * b[i]).sum::<f64>() > 0.0;
     assert!(bare.normals.iter().zip(&two.normals).filter(outward).count() > 7_900);
@@ -175,7 +172,7 @@ fn a_spread_point_is_what_many_dipoles_add_up_to() {
 #[test]
 fn few_and_odd_points() {
     let up = [0.0, 0.0, 1.0];
-    let cloud = |points: Vec<[f64; 3]>| PointCloud { normals: vec![up; points.len()], points };
+    let cloud = |points: Vec<[f64; 3]>| PointCloud::of(points.clone(), vec![up; points.len()]);
     for none in [cloud(vec![[1.0; 3]]), cloud(vec![[1.0; 3]; 5])] {
         let surfels = surfels_of(&none);
         assert_eq!((surfels.all.len(), surfels.spacing), (0, 0.0));
@@ -189,8 +186,7 @@ fn few_and_odd_points() {
     assert!(line.normals.iter().flatten().all(|c| c.is_finite()));
     // Points that the sign of a zero tells apart coincide, and the order of points does not count.
     let mut grid = cloud((0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect());
-    grid.points.push([3.0, 4.0, -0.0]);
-    grid.normals.push(up);
+    grid.push([3.0, 4.0, -0.0], Some(up)).unwrap();
     let surfels = surfels_of(&grid);
     assert_eq!((surfels.all.len(), surfels.void, surfels.spacing), (100, 1, 1.0));
     grid.points.reverse();
@@ -206,7 +202,7 @@ fn a_million_points() {
     let mesh: Vec<Facet> = brickfield_bench_data::shapes::torus(10.0, 4.0, 192, 96).facets().collect();
     let cloud = scattered(&mesh, 1_000_000, &mut rng);
     let side = right_share(&mesh, &cloud, &mut rng);
-    let mut bare = PointCloud { points: cloud.points.clone(), normals: Vec::new() };
+    let mut bare = PointCloud { points: cloud.points.clone(), ..PointCloud::default() };
     estimate_normals(&mut bare, &Silent).unwrap();
     let outward = |(a, b): &(&[f64; 3], &[f64; 3])| (0..3).map(|i| a[i] * b[i]).sum::<f64>() > 0.0;
     let right = bare.normals.iter().zip(&cloud.normals).filter(outward).count() as f64 / 1e6;

@@ -6,10 +6,12 @@ use super::wide::{
     Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, each_of, f64x8, level, mask64x8, way,
 };
 use crate::lattice::{Triangle, Units, normal};
+use bytemuck::{Pod, Zeroable};
 use std::f64::consts::PI;
 
 /// A triangle, prepared for its solid angle.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Cap {
     vertices: [[f64; 3]; 3],
     /// Twice the area vector; integers below 2^50.

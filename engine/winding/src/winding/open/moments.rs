@@ -10,13 +10,15 @@
 
 use super::wide::{Simd, SimdBase, SimdFloat, dispatch, f64x8, level};
 use crate::lattice::Units;
+use bytemuck::{Pod, Zeroable};
 use std::f64::consts::PI;
 
 /// Samples evaluated at a time.
 pub const GROUP: usize = 8;
 
 /// How far an element reaches from a centre.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct Reach {
     /// Its farthest point's distance.
     pub farthest: f64,
@@ -29,7 +31,7 @@ pub struct Reach {
 }
 
 /// One oriented piece of surface.
-pub trait SurfaceElement: Copy + Send + Sync {
+pub trait SurfaceElement: Pod + Send + Sync {
     /// Elements of a cluster that is not divided.
     const LEAF_ELEMENTS: usize;
     /// A point to sort by.
@@ -93,7 +95,8 @@ impl Moments {
 }
 
 /// The expansion: the moments without their traces, with all constant factors.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Expansion {
     dipole: [f64; 3],
     quadrupole: [f64; 6],

@@ -2,12 +2,16 @@
 
 use super::cell::ExpansionCache;
 use super::moments::{Expansion, Moments, Reach, SurfaceElement, error_bound};
+use crate::error::Result;
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::lattice::Units;
+use bytemuck::{Pod, Zeroable};
 use std::f64::consts::PI;
 use std::ops::Range;
 
 /// A cluster of neighbouring elements.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub(in crate::winding) struct Cluster {
     pub center: [f64; 3],
     pub reach: Reach,
@@ -17,6 +21,8 @@ pub(in crate::winding) struct Cluster {
     count: u32,
     /// Number of its second half among the clusters; the first half is the next cluster. 0 if undivided.
     second: u32,
+    /// Fills the last eight bytes.
+    unused: u32,
 }
 
 impl Cluster {
@@ -52,24 +58,37 @@ pub(super) const CLUSTER_BYTES: usize = size_of::<Cluster>();
 /// Elements of surface in clusters, halved again and again.
 #[derive(Debug)]
 pub struct ClusterTree<E> {
-    elements: Vec<E>,
-    clusters: Vec<Cluster>,
+    elements: LargeArray<E>,
+    clusters: LargeArray<Cluster>,
     made: ExpansionCache,
 }
 
 impl<E: SurfaceElement> ClusterTree<E> {
     /// Of any elements; the order matters to nothing but which of two equal ones comes first.
-    pub fn new(mut elements: Vec<E>) -> ClusterTree<E> {
-        let mut clusters = vec![Cluster::default(); clusters_of::<E>(elements.len())];
+    pub fn new(elements: Vec<E>) -> ClusterTree<E> {
+        ClusterTree::of(elements.into()).expect("memory has room")
+    }
+
+    /// Of any elements, with clusters where these have room.
+    ///
+    /// # Errors
+    /// If the temporary file for them cannot be written.
+    pub fn of(mut elements: LargeArray<E>) -> Result<ClusterTree<E>> {
+        let mut clusters = LargeArray::zeroed(clusters_of::<E>(elements.len()), elements.room())?;
         if !elements.is_empty() {
             divide(&mut elements, 0, &mut clusters, 0);
         }
-        ClusterTree { elements, clusters, made: ExpansionCache::default() }
+        Ok(ClusterTree { elements, clusters, made: ExpansionCache::default() })
     }
 
     /// The elements in the tree's order.
     pub fn elements(&self) -> &[E] {
         &self.elements
+    }
+
+    /// The room that its arrays have.
+    pub(in crate::winding) fn room(&self) -> &ArrayRoom {
+        self.elements.room()
     }
 
     /// The sum over all elements one by one.

@@ -1,0 +1,311 @@
+//! Arrays that go on in a temporary file where they outgrow memory.
+
+use crate::error::Result;
+use crate::mmap::TemporaryMap;
+use bytemuck::Pod;
+use rayon::prelude::*;
+use std::fmt;
+use std::ops::{Deref, DerefMut};
+use std::path::{Path, PathBuf};
+
+/// Items that are made in parallel before they are appended.
+const RUN_ITEMS: usize = 1 << 16;
+/// Least by which a file grows, in bytes.
+const GROWTH_BYTES: u64 = 64 << 20;
+
+/// How much of an array may be in memory, and where it goes then.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ArrayRoom {
+    bytes: u64,
+    folder: PathBuf,
+}
+
+impl ArrayRoom {
+    /// Arrays of more than `bytes` bytes lie in temporary files in `folder`.
+    pub fn new(bytes: u64, folder: &Path) -> ArrayRoom {
+        ArrayRoom { bytes, folder: folder.to_owned() }
+    }
+
+    /// All arrays stay in memory.
+    pub fn unbounded() -> ArrayRoom {
+        ArrayRoom { bytes: u64::MAX, folder: PathBuf::new() }
+    }
+}
+
+/// An array in memory or, if it is larger than there is room for, in a map of a temporary file, of which the system keeps in
+/// memory what is used.
+pub struct LargeArray<T> {
+    content: Content<T>,
+    room: ArrayRoom,
+}
+
+enum Content<T> {
+    Memory(Vec<T>),
+    /// Items that are there; the file may be longer.
+    File(TemporaryMap, usize),
+}
+
+impl<T: Pod + Send + Sync> LargeArray<T> {
+    /// An empty one.
+    pub fn new(room: &ArrayRoom) -> LargeArray<T> {
+        LargeArray { content: Content::Memory(Vec::new()), room: room.clone() }
+    }
+
+    /// One of `count` zeros.
+    ///
+    /// # Errors
+    /// If it has to be in a file that cannot be made.
+    pub fn zeroed(count: usize, room: &ArrayRoom) -> Result<LargeArray<T>> {
+        let mut array = LargeArray::new(room);
+        array.reserve(count)?;
+        match &mut array.content {
+            Content::Memory(items) => items.resize(count, T::zeroed()),
+            Content::File(_, length) => *length = count,
+        }
+        Ok(array)
+    }
+
+    /// The items of `count` numbers, of those that have one, in their order. They are made by all threads.
+    ///
+    /// # Errors
+    /// As [`LargeArray::push`].
+    pub fn of_each(
+        count: usize,
+        room: &ArrayRoom,
+        item: impl Fn(usize) -> Option<T> + Sync,
+    ) -> Result<LargeArray<T>> {
+        let mut array = LargeArray::new(room);
+        for from in (0..count).step_by(RUN_ITEMS) {
+            let numbers = from..count.min(from + RUN_ITEMS);
+            let run: Vec<T> = numbers.into_par_iter().filter_map(&item).collect();
+            array.extend_from_slice(&run)?;
+        }
+        Ok(array)
+    }
+
+    /// The room that it was made with.
+    pub fn room(&self) -> &ArrayRoom {
+        &self.room
+    }
+
+    /// Appends an item.
+    ///
+    /// # Errors
+    /// If the file in which there is more room cannot be made or grow.
+    #[inline]
+    pub fn push(&mut self, item: T) -> Result<()> {
+        match &mut self.content {
+            Content::Memory(items) if items.len() < items.capacity() => {
+                items.push(item);
+                Ok(())
+            }
+            _ => self.extend_from_slice(&[item]),
+        }
+    }
+
+    /// Appends some items.
+    ///
+    /// # Errors
+    /// As [`LargeArray::push`].
+    pub fn extend_from_slice(&mut self, items: &[T]) -> Result<()> {
+        self.reserve(items.len())?;
+        match &mut self.content {
+            Content::Memory(all) => all.extend_from_slice(items),
+            Content::File(map, length) => {
+                let all: &mut [T] = bytemuck::cast_slice_mut(whole_mut::<T>(map));
+                all[*length..*length + items.len()].copy_from_slice(items);
+                *length += items.len();
+            }
+        }
+        Ok(())
+    }
+
+    /// A copy that has the same room.
+    ///
+    /// # Errors
+    /// As [`LargeArray::push`].
+    pub fn clone_within(&self) -> Result<LargeArray<T>> {
+        let mut copy = LargeArray::new(&self.room);
+        copy.extend_from_slice(self)?;
+        Ok(copy)
+    }
+
+    /// Keeps the first items.
+    pub fn truncate(&mut self, count: usize) {
+        match &mut self.content {
+            Content::Memory(items) => items.truncate(count),
+            Content::File(_, length) => *length = count.min(*length),
+        }
+    }
+
+    /// Keeps one of items that follow each other and are alike, the first.
+    pub fn dedup_by(&mut self, is_alike: impl Fn(&T, &T) -> bool) {
+        let items: &mut [T] = self;
+        let mut kept = items.len().min(1);
+        for at in 1..items.len() {
+            if !is_alike(&items[kept - 1], &items[at]) {
+                items[kept] = items[at];
+                kept += 1;
+            }
+        }
+        self.truncate(kept);
+    }
+
+    /// Memory taken, without what is in a file.
+    pub fn heap_bytes(&self) -> u64 {
+        match &self.content {
+            Content::Memory(items) => (items.capacity() * size_of::<T>()) as u64,
+            Content::File(..) => 0,
+        }
+    }
+
+    /// Makes room for some items more.
+    fn reserve(&mut self, more: usize) -> Result<()> {
+        let size = size_of::<T>() as u64;
+        let count = self.len() + more;
+        let need = count as u64 * size;
+        match &mut self.content {
+            Content::Memory(items) => {
+                // What it grows to, for which there is room beside what it grows from.
+                let grown =
+                    if count > items.capacity() { need.max(2 * items.len() as u64 * size) } else { need };
+                if grown <= self.room.bytes {
+                    items.reserve(more);
+                    return Ok(());
+                }
+                let mut map = TemporaryMap::new(&self.room.folder)?;
+                map.grow(need.max(GROWTH_BYTES))?;
+                let length = items.len();
+                let all: &mut [T] = bytemuck::cast_slice_mut(whole_mut::<T>(&mut map));
+                all[..length].copy_from_slice(items);
+                self.content = Content::File(map, length);
+                Ok(())
+            }
+            Content::File(map, _) => {
+                let now = map.bytes().len() as u64;
+                if need > now { map.grow(need.max(now + (now / 4).max(GROWTH_BYTES))) } else { Ok(()) }
+            }
+        }
+    }
+}
+
+/// The bytes of a map that are whole items.
+fn whole<T>(map: &TemporaryMap) -> &[u8] {
+    let bytes = map.bytes();
+    &bytes[..bytes.len() - bytes.len() % size_of::<T>()]
+}
+
+fn whole_mut<T>(map: &mut TemporaryMap) -> &mut [u8] {
+    let bytes = map.bytes_mut();
+    let length = bytes.len() - bytes.len() % size_of::<T>();
+    &mut bytes[..length]
+}
+
+impl<T: Pod> Deref for LargeArray<T> {
+    type Target = [T];
+
+    #[inline]
+    fn deref(&self) -> &[T] {
+        match &self.content {
+            Content::Memory(items) => items,
+            Content::File(map, length) => &bytemuck::cast_slice(whole::<T>(map))[..*length],
+        }
+    }
+}
+
+impl<T: Pod> DerefMut for LargeArray<T> {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut [T] {
+        match &mut self.content {
+            Content::Memory(items) => items,
+            Content::File(map, length) => &mut bytemuck::cast_slice_mut(whole_mut::<T>(map))[..*length],
+        }
+    }
+}
+
+impl<T> From<Vec<T>> for LargeArray<T> {
+    /// An array in memory, which it never leaves.
+    fn from(items: Vec<T>) -> LargeArray<T> {
+        LargeArray { content: Content::Memory(items), room: ArrayRoom::unbounded() }
+    }
+}
+
+impl<T: Pod> Clone for LargeArray<T> {
+    /// A copy in memory, wherever the array is.
+    fn clone(&self) -> LargeArray<T> {
+        LargeArray::from(self.to_vec())
+    }
+}
+
+impl<T> Default for LargeArray<T> {
+    fn default() -> LargeArray<T> {
+        LargeArray::from(Vec::new())
+    }
+}
+
+impl<T: Pod + PartialEq> PartialEq for LargeArray<T> {
+    fn eq(&self, other: &LargeArray<T>) -> bool {
+        self[..] == other[..]
+    }
+}
+
+impl<'a, T: Pod> IntoIterator for &'a LargeArray<T> {
+    type Item = &'a T;
+    type IntoIter = std::slice::Iter<'a, T>;
+
+    fn into_iter(self) -> std::slice::Iter<'a, T> {
+        self.iter()
+    }
+}
+
+impl<T> fmt::Debug for LargeArray<T> {
+    /// How many items there are, and where.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.content {
+            Content::Memory(items) => write!(f, "{} items in memory", items.len()),
+            Content::File(_, length) => write!(f, "{length} items in a file"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_array_is_the_same_in_memory_and_in_a_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let item = |n: usize| (!n.is_multiple_of(3)).then_some([n as u32, 7, n as u32 / 2]);
+        let expected: Vec<[u32; 3]> = (0..200_000).filter_map(item).collect();
+        for bytes in [0, 100, 4000, u64::MAX] {
+            let room = ArrayRoom::new(bytes, dir.path());
+            let mut pushed = LargeArray::new(&room);
+            expected.iter().for_each(|item| pushed.push(*item).unwrap());
+            let made = LargeArray::of_each(200_000, &room, item).unwrap();
+            assert!(pushed[..] == expected && made == pushed);
+            assert_eq!(pushed.heap_bytes() > 0, bytes == u64::MAX);
+            pushed.truncate(1000);
+            pushed.extend_from_slice(&expected[..5]).unwrap();
+            assert!(pushed[..1000] == expected[..1000] && pushed[1000..] == expected[..5]);
+            let zeros = LargeArray::<u64>::zeroed(1001, &room).unwrap();
+            assert!(zeros.len() == 1001 && zeros.iter().all(|&n| n == 0));
+        }
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn an_empty_array_has_no_file() {
+        let room = ArrayRoom::new(0, Path::new("no such folder"));
+        let mut array = LargeArray::<f64>::new(&room);
+        assert!(array.is_empty());
+        array.dedup_by(|a, b| a == b);
+        assert!(array.push(1.0).unwrap_err().to_string().contains("no such folder"));
+    }
+
+    #[test]
+    fn neighbours_that_are_alike_are_one() {
+        let mut array = LargeArray::from(vec![1u32, 1, 2, 3, 3, 3, 1]);
+        array.dedup_by(|a, b| a == b);
+        assert_eq!(array[..], [1, 2, 3, 1]);
+    }
+}
