@@ -53,6 +53,19 @@ fn removed_volumes_are_those_of_closed_forms() {
         ),
         // From the side, by a head that lies down.
         ("side", "flat:6", "G0 X-5 Y10.1 Z9.8 B-90\nG1 X7\n", PI * 9.0 * 7.0),
+        // The same from the other side, in a tilted plane, and an edge that is cut off at 45°.
+        (
+            "tilted hole",
+            "flat:6",
+            "G68.2 X20 Y10.1 Z9.8 I90 J90 K0\nG53.1\nG0 X0 Y0 Z5\nG81 Z-7 R1\nG80\nG69\n",
+            PI * 9.0 * 7.0,
+        ),
+        (
+            "tilted face",
+            "flat:20",
+            "G68.2 P1 X17.03 Y0 Z20 J45\nG53.1\nG0 X2 Y-20 Z9\nZ0\nG1 Y40\n",
+            20.0 * 0.5 * 2.97 * 2.97,
+        ),
     ];
     for (name, tool, program, expected) in cases {
         let (program, out) = (dir.file("p.nc", program), dir.path("cut.brf"));

@@ -1,6 +1,8 @@
-//! The coordinates of a program in those of the part: work offsets, shifts, and rotations in the plane of G17.
+//! The coordinates of a program in those of the part: work offsets, shifts, rotations in the plane of G17, and tilted planes.
 
 use super::moves::POSITION_MAX;
+use super::plane::TiltedPlane;
+use crate::toolpath::gcode::tilt::sine_and_cosine;
 
 /// What has been set so far, all in mm.
 #[derive(Clone, Debug, Default)]
@@ -13,6 +15,8 @@ pub(super) struct WorkFrame {
     /// What G52 has added.
     local: [f64; 3],
     turned: Option<Rotation>,
+    /// The plane of G68.2. Within it zero is its own, and no rotation of G68 counts.
+    pub plane: Option<TiltedPlane>,
 }
 
 /// A rotation of G68.
@@ -42,8 +46,11 @@ impl Rotation {
 }
 
 impl WorkFrame {
-    /// Where the program's zero lies along an axis, before any rotation.
+    /// Where the program's zero lies along an axis, before any rotation; in a tilted plane, within that.
     pub fn origin(&self, axis: usize) -> f64 {
+        if self.plane.is_some() {
+            return 0.0;
+        }
         self.systems[self.system][axis] + self.shift[axis] + self.local[axis]
     }
 
@@ -69,15 +76,8 @@ impl WorkFrame {
 
     /// G68: what follows is turned about a place of the program, by degrees.
     pub fn turn(&mut self, centre: [f64; 2], degrees: f64) {
-        let angle = degrees.rem_euclid(360.0);
-        // Right angles are exact.
-        let turn = match angle {
-            0.0 => [1.0, 0.0],
-            90.0 => [0.0, 1.0],
-            180.0 => [-1.0, 0.0],
-            270.0 => [0.0, -1.0],
-            _ => [angle.to_radians().cos(), angle.to_radians().sin()],
-        };
+        let (sine, cosine) = sine_and_cosine(degrees);
+        let turn = [cosine, sine];
         self.turned = Some(Rotation { centre, turn });
     }
 
@@ -99,6 +99,26 @@ impl WorkFrame {
     /// The same place after the rotation, which is that in the part.
     pub fn placed(&self, at: [Option<f64>; 3]) -> [Option<f64>; 3] {
         self.in_plane(at, |rotation, place| rotation.moved(place))
+    }
+
+    /// Where a place that is reached lies in the part: the tilted plane is the last to count.
+    pub fn in_part(&self, at: [f64; 3]) -> [f64; 3] {
+        self.plane.map_or(at, |plane| plane.moved(at))
+    }
+
+    /// Another tilted plane, or none, counts: what a place is called from now on.
+    pub fn set_plane(&mut self, plane: Option<TiltedPlane>, at: [Option<f64>; 3]) -> [Option<f64>; 3] {
+        let before = std::mem::replace(&mut self.plane, plane);
+        if before == plane {
+            return at;
+        }
+        let in_part = before.map_or(at, |plane| plane.moved_known(at));
+        plane.map_or(in_part, |plane| plane.back_known(in_part))
+    }
+
+    /// The direction across the plane in which the program moves.
+    pub fn upright(&self) -> [f64; 3] {
+        self.plane.map_or([0.0, 0.0, 1.0], |plane| plane.axes[2])
     }
 
     fn in_plane(

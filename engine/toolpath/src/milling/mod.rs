@@ -13,7 +13,9 @@ mod compensation_tests;
 mod contour;
 mod cycle;
 mod frame;
+mod motion;
 mod moves;
+mod plane;
 mod program;
 #[cfg(test)]
 mod program_tests;
@@ -21,7 +23,11 @@ mod reader;
 mod rotation;
 #[cfg(test)]
 mod tests;
+mod tilted;
+#[cfg(test)]
+mod tilted_tests;
 mod tool;
+mod values;
 
 pub use moves::{Move, Program, ProgramOptions};
 pub use program::read;

@@ -254,7 +254,6 @@ fn rotations_that_cannot_be_followed_are_told() {
         ("G0 X0 Y0 Z0\nG68 R5\nG68 R6\n", ["line 3", "G69"]),
         ("G0 X0 Y0 Z0\nG68 R5\nG18\n", ["line 3", "G69"]),
         ("G0 Z0\nG68 X0 Y0 R5\nG1 X5\n", ["line 3", "does not tell"]),
-        ("G0 X0 Y0 Z0\nG68.2 X0 Y0 Z0 I1 J2 K3\n", ["line 2", "is not read"]),
     ] {
         is_refused("p.nc", text, &words);
     }
