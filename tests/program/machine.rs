@@ -34,6 +34,8 @@ fn removed_volumes_are_those_of_closed_forms() {
     let segment = 9.0 * (1.0f64 / 3.0).acos() - 8f64.sqrt();
     let cases = [
         ("slot", "flat:6", "G0 X-10 Y10.03 Z25\nG0 Z16\nG1 X30\n", 480.0),
+        ("scaled slot", "flat:6", "G0 X-10 Y10.03 Z25\nG51 X0 Z20 P2.\nG0 Z18\nG1 X15\n", 480.0),
+        ("mirrored slot", "flat:6", "G0 X30 Y10.03 Z25\nG51.1 X10 Z20\nG0 X-10 Z24\nG1 X30\n", 480.0),
         ("turned slot", "flat:5mm", "G0 X-10 Y-10 Z16\nG1 X30 Y30\n", {
             // Between two lines at 45°, of which the corners of the block cut triangles.
             let half = 2.5 * 2f64.sqrt();

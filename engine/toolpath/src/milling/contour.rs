@@ -43,7 +43,9 @@ impl Reader<'_> {
                 radius
             }
         };
-        let aside = if matches!(code, 410 | 411) { radius } else { -radius };
+        // A mirror changes the side.
+        let is_mirrored = self.frame.factor(0) * self.frame.factor(1) < 0.0;
+        let aside = if matches!(code, 410 | 411) != is_mirrored { radius } else { -radius };
         if self.normal != 2 || !self.is_upright() {
             return Err(self.out.fault(text, "corrects outside of the plane of G17, which is not read"));
         }

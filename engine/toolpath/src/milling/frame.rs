@@ -1,4 +1,5 @@
-//! The coordinates of a program in those of the part: work offsets, shifts, rotations in the plane of G17, and tilted planes.
+//! The coordinates of a program in those of the part: work offsets, shifts, mirrors, scales, rotations in the
+//! plane of G17, and tilted planes.
 
 use super::moves::POSITION_MAX;
 use super::plane::TiltedPlane;
@@ -14,9 +15,19 @@ pub(super) struct WorkFrame {
     shift: [f64; 3],
     /// What G52 has added.
     local: [f64; 3],
+    /// Where G51.1 mirrors, axis by axis. It is the first to count, then G51, then G68.
+    mirrors: [Option<f64>; 3],
+    scaling: Option<Scaling>,
     turned: Option<Rotation>,
-    /// The plane of G68.2. Within it zero is its own, and no rotation of G68 counts.
+    /// The plane of G68.2. Within it zero is its own, and no mirror, scale or rotation counts.
     pub plane: Option<TiltedPlane>,
+}
+
+/// Factors of G51, negative ones for mirrors.
+#[derive(Clone, Copy, Debug)]
+struct Scaling {
+    centre: [f64; 3],
+    factors: [f64; 3],
 }
 
 /// A rotation of G68.
@@ -91,13 +102,68 @@ impl WorkFrame {
         self.turned.is_some()
     }
 
-    /// A place of the part before the rotation. Both x and y have to be known if there is one, else none is.
-    pub fn programmed(&self, at: [Option<f64>; 3]) -> [Option<f64>; 3] {
-        self.in_plane(at, |rotation, place| rotation.back().moved(place))
+    /// G51: distances from this place grow by these factors.
+    pub fn scale(&mut self, centre: [f64; 3], factors: [f64; 3]) {
+        self.scaling = Some(Scaling { centre, factors });
     }
 
-    /// The same place after the rotation, which is that in the part.
+    /// G50: nothing is scaled any more.
+    pub fn end_scale(&mut self) {
+        self.scaling = None;
+    }
+
+    /// Whether G51 counts.
+    pub fn is_scaled(&self) -> bool {
+        self.scaling.is_some()
+    }
+
+    /// G51.1: an axis is mirrored at this place, or by G50.1 no longer.
+    pub fn mirror(&mut self, axis: usize, at: Option<f64>) {
+        self.mirrors[axis] = at;
+    }
+
+    /// Whether G51.1 counts.
+    pub fn is_mirrored(&self) -> bool {
+        self.mirrors != [None; 3]
+    }
+
+    /// By what ways along an axis grow, negative where they turn round.
+    pub fn factor(&self, axis: usize) -> f64 {
+        let scale = self.scaling.map_or(1.0, |scaling| scaling.factors[axis]);
+        if self.mirrors[axis].is_some() { -scale } else { scale }
+    }
+
+    /// A coordinate after mirror and scale, before any rotation.
+    pub fn scaled(&self, axis: usize, value: f64) -> f64 {
+        let value = self.mirrors[axis].map_or(value, |mirror| mirror + mirror - value);
+        match &self.scaling {
+            Some(Scaling { centre, factors }) if factors[axis] != 1.0 => {
+                centre[axis] + (value - centre[axis]) * factors[axis]
+            }
+            _ => value,
+        }
+    }
+
+    /// The coordinate that a program has, before mirror and scale.
+    fn unscaled(&self, axis: usize, value: f64) -> f64 {
+        let value = match &self.scaling {
+            Some(Scaling { centre, factors }) if factors[axis] != 1.0 => {
+                centre[axis] + (value - centre[axis]) / factors[axis]
+            }
+            _ => value,
+        };
+        self.mirrors[axis].map_or(value, |mirror| mirror + mirror - value)
+    }
+
+    /// A place of the part before mirror, scale and rotation. Both x and y have to be known if there is one, else none is.
+    pub fn programmed(&self, at: [Option<f64>; 3]) -> [Option<f64>; 3] {
+        let at = self.in_plane(at, |rotation, place| rotation.back().moved(place));
+        [0, 1, 2].map(|a| at[a].map(|value| self.unscaled(a, value)))
+    }
+
+    /// The same place after these, which is that in the part.
     pub fn placed(&self, at: [Option<f64>; 3]) -> [Option<f64>; 3] {
+        let at = [0, 1, 2].map(|a| at[a].map(|value| self.scaled(a, value)));
         self.in_plane(at, |rotation, place| rotation.moved(place))
     }
 

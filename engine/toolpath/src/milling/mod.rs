@@ -21,6 +21,9 @@ mod program;
 mod program_tests;
 mod reader;
 mod rotation;
+mod scaling;
+#[cfg(test)]
+mod scaling_tests;
 #[cfg(test)]
 mod tests;
 mod tilted;

@@ -95,8 +95,15 @@ impl Reader<'_> {
             1 => (2, 0),
             _ => (1, 2),
         };
+        let factors = [self.frame.factor(u), self.frame.factor(v)];
+        if factors[0].abs() != factors[1].abs() {
+            let what = "is an arc under a scale that is not the same along both axes, which is not read";
+            return Err(self.out.refused(b"G2", what, "give the same factors to both, or straight moves"));
+        }
+        // One mirror turns the way round.
+        let clockwise = clockwise != (factors[0] * factors[1] < 0.0);
         let centre = match values.get(b'R') {
-            Some(radius) => Centre::Radius(radius * self.unit),
+            Some(radius) => Centre::Radius(radius * self.unit * factors[0].abs()),
             None => {
                 let offset = |a: usize| {
                     let value = values.get(b"IJK"[a]).map(|value| value * self.unit);
@@ -106,7 +113,7 @@ impl Reader<'_> {
                         (None, _) => 0.0,
                     }
                 };
-                Centre::Offset(self.frame.turned([offset(u), offset(v)]))
+                Centre::Offset(self.frame.turned([offset(u) * factors[0], offset(v) * factors[1]]))
             }
         };
         // P counts turns; the last one is the arc itself.
@@ -146,6 +153,10 @@ impl Reader<'_> {
         if self.normal != 2 {
             return Err(self.out.fault(b"G81", "drills in another plane than G17, which is not read"));
         }
+        if self.frame.factor(2) != 1.0 {
+            let what = "drills under a scale or a mirror along Z, which controls carry out in different ways";
+            return Err(self.out.refused(b"G81", what, "end it before by G50 or G50.1"));
+        }
         let z = self.frame.origin(2);
         let Some(begin) = self.at[2] else {
             return Err(self.out.fault(b"G81", "drills from a height that the program does not tell"));
@@ -169,8 +180,7 @@ impl Reader<'_> {
         }
         let degrees = self.turned(values);
         for _ in 0..repeats as u32 {
-            let plane =
-                Values(values.0.iter().filter(|(k, _)| b"XY".contains(k)).map(|(k, v)| (*k, *v)).collect());
+            let plane = values.only(b"XY");
             let over = self.target(&plane)?;
             self.go(over, degrees, true)?;
             let [x, y, _] = self.at;

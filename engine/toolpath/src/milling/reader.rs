@@ -134,7 +134,7 @@ impl<'a> Reader<'a> {
                     return Err(self.out.refused(text, what, remedy));
                 }
                 _ => {
-                    if values.0.insert(letter, value).is_some() {
+                    if !values.add(letter, value, text) {
                         return Err(self.out.fault(text, "stands twice in the line"));
                     }
                 }
@@ -232,13 +232,30 @@ impl<'a> Reader<'a> {
                     self.begin_rotation(values, text)?;
                     takes_words = true;
                 }
+                510 | 511 => {
+                    if code == 510 {
+                        self.begin_scale(values, text)?
+                    } else {
+                        self.mirror(values, text)?
+                    }
+                    takes_words = true;
+                }
+                500 => self.frame.end_scale(),
+                501 => {
+                    self.end_mirror(values);
+                    takes_words = true;
+                }
                 682 | 684 => {
                     self.define_plane(code, values, text)?;
                     takes_words = true;
                 }
                 683 => {
                     let what = "takes a plane from the axis of the tool, which is not read";
-                    return Err(self.out.refused(text, what, "give the plane by G68.2 with angles, points or vectors"));
+                    return Err(self.out.refused(
+                        text,
+                        what,
+                        "give the plane by G68.2 with angles, points or vectors",
+                    ));
                 }
                 531 | 536 => {
                     self.orient(code, values, text)?;
@@ -256,7 +273,7 @@ impl<'a> Reader<'a> {
                 530 => in_machine = true,
                 40 => takes_words = true,
                 // Length of the tool: the tip goes where it is told to. Speeds, ways to round corners, and the like.
-                430 | 434 | 435 | 490 | 500 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150 => {}
+                430 | 434 | 435 | 490 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150 => {}
                 // Of mills K repeats the hole, and I and J lead away from its wall.
                 760 if b"IJK".iter().all(|letter| values.get(*letter).is_some()) => {
                     let what = "cuts a thread, as on lathes, which is not read";
@@ -364,7 +381,11 @@ impl<'a> Reader<'a> {
             return Err(self.out.fault(text, "turns the head to an angle that no program tells"));
         }
         self.tip = None;
-        if values.any(b"XYZ") { self.forget(values) } else { self.at = [None; 3] }
+        if values.any(b"XYZ") {
+            self.forget(values)
+        } else {
+            self.at = [None; 3]
+        }
         self.rest_head(values, |_| 0.0, text)
     }
 
@@ -394,8 +415,15 @@ impl<'a> Reader<'a> {
                 return Err(self.out.fault(letter, "is out of range"));
             }
         }
+        let placed = self.frame.placed(to);
+        if placed.into_iter().flatten().any(is_far) {
+            return Err(self.out.fault(b"X Y Z", "leads out of range"));
+        }
         // What is not named keeps its place to the last bit.
-        if values.any(b"XY") { Ok(self.frame.placed(to)) } else { Ok([self.at[0], self.at[1], to[2]]) }
+        let is_moved = |a: usize| {
+            values.get(b"XYZ"[a]).is_some() || (a < 2 && self.frame.is_turned() && values.any(b"XY"))
+        };
+        Ok([0, 1, 2].map(|a| if is_moved(a) { placed[a] } else { self.at[a] }))
     }
 }
 

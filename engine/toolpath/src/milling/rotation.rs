@@ -15,6 +15,10 @@ impl Reader<'_> {
             let what = "turns about an axis in space, which is not read";
             return Err(self.out.refused(text, what, "give the tilted plane by G68.2"));
         }
+        if self.frame.factor(0) < 0.0 || self.frame.factor(1) < 0.0 {
+            let what = "turns what is mirrored, where controls take the angle in different ways";
+            return Err(self.out.refused(text, what, "end the mirror before by G50 or G50.1"));
+        }
         if self.normal != 2 || self.relative {
             return Err(self
                 .out
@@ -22,7 +26,8 @@ impl Reader<'_> {
         }
         let mut centre = [0.0; 2];
         for (a, letter) in b"XY".iter().enumerate() {
-            let told = values.get(*letter).map(|value| value * self.unit + self.frame.origin(a));
+            let told = values.get(*letter);
+            let told = told.map(|value| self.frame.scaled(a, value * self.unit + self.frame.origin(a)));
             let Some(place) = told.or(self.at[a]) else {
                 return Err(self.out.fault(text, "turns about a place that the program does not tell"));
             };
@@ -43,34 +48,66 @@ impl Reader<'_> {
         machine: &[(i64, &[u8])],
     ) -> Result<()> {
         let is_plane = |code: &i64| matches!(code, 682 | 684);
-        let is_empty = codes.is_empty() && machine.is_empty() && values.0.is_empty();
+        let is_empty = codes.is_empty() && machine.is_empty() && values.other_than(b"").is_none();
         if self.defining.is_some() && !is_empty && !codes.iter().any(|(code, _)| is_plane(code)) {
             let what = "is followed by another line before its plane is told";
             return Err(self.out.refused(b"G68.2", what, "give all lines of its form one after the other"));
         }
-        let find = |is_wrong: fn(i64) -> bool| codes.iter().find(|(code, _)| is_wrong(*code));
-        let moves_zero = |code: i64| matches!(code, 520 | 540..=593 | 680 | 682 | 920..=922 | 100);
-        if self.frame.is_turned()
-            && let Some((_, text)) = find(|code| {
-                matches!(code, 180 | 190 | 520..=536 | 540..=593 | 680..=684 | 920..=922 | 100)
-            })
-        {
-            let what = "stands within a rotation, where it is not read";
-            return Err(self.out.refused(text, what, "end the rotation before by G69"));
-        }
-        if self.frame.plane.is_some()
-            && let Some((_, text)) = find(moves_zero)
-        {
-            let what = "stands within a tilted plane, where it is not read";
-            return Err(self.out.refused(text, what, "end the plane before by G69"));
-        }
-        if self.cycle.on
-            && let Some((_, text)) = codes.iter().find(|(code, _)| {
-                matches!(code, 531 | 536 | 682..=684) || (*code == 690 && self.frame.plane.is_some())
-            })
-        {
-            let what = "stands within a drilling cycle, where it is not read";
-            return Err(self.out.refused(text, what, "end the cycle before by G80"));
+        let frame = &self.frame;
+        let (is_scaled, is_mirrored) = (frame.is_scaled(), frame.is_mirrored());
+        // What stands within ends first: mirror, scale, rotation, in this order from outside.
+        let moves_zero = |code: i64| match code {
+            100 | 520 | 540..=593 | 920..=922 => true,
+            500 => is_scaled && frame.is_turned(),
+            501 => is_mirrored && (is_scaled || frame.is_turned()),
+            _ => false,
+        };
+        let in_space = |code: i64| matches!(code, 682..=684);
+        type Rule<'a> = (bool, &'a dyn Fn(i64) -> bool, &'a str, &'a str);
+        let rules: [Rule<'_>; 5] = [
+            (
+                frame.is_turned(),
+                &|code| {
+                    in_space(code)
+                        || moves_zero(code)
+                        || matches!(code, 180 | 190 | 510 | 511 | 530..=536 | 680)
+                },
+                "stands within a rotation, where it is not read",
+                "end the rotation before by G69",
+            ),
+            (
+                is_scaled,
+                &|code| in_space(code) || moves_zero(code) || matches!(code, 510 | 511 | 530),
+                "stands within a scale, where it is not read",
+                "end the scale before by G50",
+            ),
+            (
+                is_mirrored,
+                &|code| in_space(code) || moves_zero(code) || code == 530,
+                "stands within a mirror, where it is not read",
+                "end the mirror before by G50.1",
+            ),
+            (
+                frame.plane.is_some(),
+                &|code| moves_zero(code) || matches!(code, 510 | 511 | 680 | 682),
+                "stands within a tilted plane, where it is not read",
+                "end the plane before by G69",
+            ),
+            (
+                self.cycle.on,
+                &|code| {
+                    in_space(code)
+                        || matches!(code, 510 | 511 | 531 | 536)
+                        || (code == 690 && frame.plane.is_some())
+                },
+                "stands within a drilling cycle, where it is not read",
+                "end the cycle before by G80",
+            ),
+        ];
+        for (counts, is_wrong, what, remedy) in rules {
+            if let Some((_, text)) = codes.iter().find(|(code, _)| counts && is_wrong(*code)) {
+                return Err(self.out.refused(text, what, remedy));
+            }
         }
         Ok(())
     }

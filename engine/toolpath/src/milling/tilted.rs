@@ -43,12 +43,18 @@ impl Reader<'_> {
             1 => (whole(b'Q', 123.0), b"PQXYZIJK"),
             2 => (whole(b'Q', -1.0), if values.get(b'Q') == Some(0.0) { b"PQXYZR" } else { b"PQXYZ" }),
             3 => (whole(b'Q', -1.0), if values.get(b'Q') == Some(1.0) { b"PQXYZIJK" } else { b"PQIJK" }),
-            4 => return Err(self.out.refused(text, "gives a plane by angles of projection, which is not read", "give it by Euler angles, without P")),
+            4 => {
+                return Err(self.out.refused(
+                    text,
+                    "gives a plane by angles of projection, which is not read",
+                    "give it by Euler angles, without P",
+                ));
+            }
             _ => return Err(self.out.fault(text, "has a P that is not read: give 1, 2, 3, or none")),
         };
-        if let Some(letter) = values.0.keys().find(|letter| !allowed.contains(letter)) {
+        if let Some(letter) = values.other_than(allowed) {
             let what = format!("is no word of G68.2 in this form, P{form}");
-            return Err(self.out.fault(&[*letter], &what));
+            return Err(self.out.fault(&[letter], &what));
         }
         let place = self.triple(values, b"XYZ", self.unit)?;
         let vector = self.triple(values, b"IJK", 1.0)?;
@@ -79,7 +85,13 @@ impl Reader<'_> {
     }
 
     /// P2: the lines Q1 to Q3 have a point each; Q0 in front of them may turn the plane.
-    fn add_point(&mut self, (code, q): (i64, i64), values: &Values, place: [f64; 3], text: &[u8]) -> Result<()> {
+    fn add_point(
+        &mut self,
+        (code, q): (i64, i64),
+        values: &Values,
+        place: [f64; 3],
+        text: &[u8],
+    ) -> Result<()> {
         let mut words = match self.defining.take() {
             Some(words) => words,
             None if q == 0 => {

@@ -103,7 +103,10 @@ fn the_tool_turns_by_its_own_lines() {
     assert_eq!(axes(&format!("G0 X0 Y0 Z0\n{plane}G1 X1 Y2 Z3\n")), [[0.0, 0.0, 1.0]]);
     // G53.6 keeps the tip, G53.1 does not.
     let kept = read_text(&format!("G0 X1 Y2 Z3\n{plane}G53.6\nG1 X0\n")).unwrap().moves;
-    assert_eq!((kept[0].from, kept[0].to, kept[0].axis), ([1.0, 2.0, 3.0], [1.0, 20.0, 3.0], [1.0, 0.0, 0.0]));
+    assert_eq!(
+        (kept[0].from, kept[0].to, kept[0].axis),
+        ([1.0, 2.0, 3.0], [1.0, 20.0, 3.0], [1.0, 0.0, 0.0])
+    );
     is_refused("p.nc", &format!("G0 X0 Y0 Z0\n{plane}G53.1\nG1 X1\n"), &["line 4", "cuts from a place"]);
     // It keeps its axis after G69 until words turn it back, on the way from no place that is known.
     let back = format!("{SIDE}G0 X0 Y0 Z0\nZ1\nG69\nX50\nG0 B0 C0\nX0 Y0 Z9\nG1 Z8\n");
