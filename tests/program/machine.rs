@@ -109,6 +109,12 @@ fn cl_files_subprograms_and_corrected_contours_cut_what_they_say() {
             "T1 M6\nG0 X-10 Y10.03 Z18\nM98 P1 L2\nM30\nO1\nG91 G1 Z-2\nX40\nG0 X-40\nG90\nM99\n",
             720.0,
         ),
+        // Two steps by a loop that calls a macro.
+        (
+            "macro.nc",
+            "T1 M6\nG0 X-10 Y10.03 Z20\n#1=18.\nWHILE [#1 GE 16] DO1\nG65 P9 Z#1\n#1=#1-2\nEND1\nM30\nO9\nG1 Z#26\nX30\nG0 X-10\nM99\n",
+            480.0,
+        ),
         // A boss of 12 mm is left; the tool reaches all around it.
         ("boss.nc", "T1 M6\nG0 X1 Y-20 Z15\nG41 D4 G1 X4 Y4\nY16\nX16\nY4\nX4\nG40 G0 Y-20\n", 256.0 * 5.0),
     ];

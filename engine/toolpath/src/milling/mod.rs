@@ -12,7 +12,12 @@ mod compensation;
 mod compensation_tests;
 mod contour;
 mod cycle;
+mod formula;
 mod frame;
+mod loops;
+mod macros;
+#[cfg(test)]
+mod macros_tests;
 mod motion;
 mod moves;
 mod plane;
@@ -24,6 +29,7 @@ mod rotation;
 mod scaling;
 #[cfg(test)]
 mod scaling_tests;
+mod statement;
 #[cfg(test)]
 mod tests;
 mod tilted;
@@ -31,6 +37,7 @@ mod tilted;
 mod tilted_tests;
 mod tool;
 mod values;
+mod variables;
 
 pub use moves::{Move, Program, ProgramOptions};
 pub use program::read;

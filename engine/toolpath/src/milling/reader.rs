@@ -100,8 +100,13 @@ impl<'a> Reader<'a> {
 
     /// Carries a line out.
     pub fn read_line(&mut self, line: &[u8]) -> Result<After> {
-        let line = line.trim_ascii();
         self.read_comments(line);
+        self.read_words(line)
+    }
+
+    /// Carries the words of a line out.
+    pub fn read_words(&mut self, line: &[u8]) -> Result<After> {
+        let line = line.trim_ascii();
         // A mark of tapes, and lines that may be skipped.
         let line = line.strip_prefix(b"/").unwrap_or(line);
         if line.starts_with(b"%") {
@@ -143,7 +148,7 @@ impl<'a> Reader<'a> {
         self.carry_out(&codes, &values, &machine)
     }
 
-    fn read_comments(&mut self, line: &[u8]) {
+    pub fn read_comments(&mut self, line: &[u8]) {
         let text = String::from_utf8_lossy(line);
         let parts = text.split('(').skip(1).filter_map(|part| part.split(')').next());
         for comment in parts.chain(text.split_once(';').map(|(_, comment)| comment)) {
@@ -288,7 +293,7 @@ impl<'a> Reader<'a> {
                 400 => self.end_contour()?,
                 410 | 420 | 411 | 421 => self.begin_contour(code, values, text)?,
                 650 | 660 | 670 => {
-                    let what = "calls a macro, which is not read";
+                    let what = "calls a macro at each move, or beside other words, which is not read";
                     return Err(self.out.refused(text, what, "post-process without macros and variables"));
                 }
                 _ => return Err(self.out.fault(text, "is not read")),

@@ -198,7 +198,7 @@ fn what_cannot_be_followed_names_line_and_word() {
         ("G0 X0 Y0 Z0\nG2 X5 R1\n", ["line 2", "too short"]),
         ("G0 X0 Y0 Z0\nG1 X1 X2\n", ["line 2", "twice"]),
         ("G0 X0 Y0 Z0\nG81 X1 Z-3\n", ["line 2", "has no R"]),
-        ("G0 X0 Y0 Z0\nG1 X#5\n", ["line 2", "X#5"]),
+        ("G0 X0 Y0 Z0\nG1 X#500\n", ["line 2", "X#500"]),
         ("(nothing)\n", ["end", "has no moves"]),
     ] {
         is_refused("p.nc", text, &words);
