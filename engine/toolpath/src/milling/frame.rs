@@ -4,12 +4,14 @@
 use super::moves::POSITION_MAX;
 use super::plane::TiltedPlane;
 use crate::toolpath::gcode::tilt::sine_and_cosine;
+use std::collections::BTreeMap;
 
 /// What has been set so far, all in mm.
 #[derive(Clone, Debug, Default)]
 pub(super) struct WorkFrame {
-    /// Work offsets of G54 to G59.3, and the one that counts.
-    systems: [[f64; 3]; 9],
+    /// Work offsets that are set: 0 to 8 of G54 to G59.3, further ones from [`WorkFrame::FURTHER`] on.
+    systems: BTreeMap<usize, [f64; 3]>,
+    /// The one that counts.
     pub system: usize,
     /// What G92 has added.
     shift: [f64; 3],
@@ -57,17 +59,22 @@ impl Rotation {
 }
 
 impl WorkFrame {
+    /// Numbers of G54.1 P1 to P300 and of G154 P1 to P99 follow these.
+    pub const FURTHER: [usize; 2] = [100, 500];
+
     /// Where the program's zero lies along an axis, before any rotation; in a tilted plane, within that.
     pub fn origin(&self, axis: usize) -> f64 {
         if self.plane.is_some() {
             return 0.0;
         }
-        self.systems[self.system][axis] + self.shift[axis] + self.local[axis]
+        self.systems.get(&self.system).map_or(0.0, |system| system[axis])
+            + self.shift[axis]
+            + self.local[axis]
     }
 
     /// Sets a work offset, or by `None` the one that counts.
     pub fn set_system(&mut self, number: Option<usize>, axis: usize, value: f64) {
-        self.systems[number.unwrap_or(self.system)][axis] = value;
+        self.systems.entry(number.unwrap_or(self.system)).or_default()[axis] = value;
     }
 
     /// G92: the program calls the place `at` by `value` from now on.

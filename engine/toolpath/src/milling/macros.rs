@@ -90,7 +90,9 @@ impl Flow<'_, '_> {
         let found = match self.jumps.blocks(number, from, to) {
             [found] => *found,
             [] => {
-                return Err(self.jumps_wrong(clean, &format!("goes to N{number}, which this program has not")));
+                return Err(
+                    self.jumps_wrong(clean, &format!("goes to N{number}, which this program has not"))
+                );
             }
             _ => {
                 return Err(

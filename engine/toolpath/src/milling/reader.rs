@@ -214,6 +214,17 @@ impl<'a> Reader<'a> {
                 911 => self.absolute_centres = false,
                 540..=590 if code % 10 == 0 => self.frame.system = (code / 10 - 54) as usize,
                 591..=593 => self.frame.system = (code - 591 + 6) as usize,
+                541 | 1540 => {
+                    let [first, second] = WorkFrame::FURTHER;
+                    let (base, most) = if code == 541 { (first, 300.0) } else { (second, 99.0) };
+                    let Some(number) =
+                        values.get(b'P').filter(|p| (1.0..=most).contains(p) && p.fract() == 0.0)
+                    else {
+                        let what = format!("needs P with a whole number from 1 to {most}");
+                        return Err(self.out.fault(text, &what));
+                    };
+                    self.frame.system = base + number as usize;
+                }
                 800 => {
                     self.cycle.on = false;
                     self.motion = self.motion.filter(|motion| *motion != Motion::Cycle);
@@ -277,6 +288,8 @@ impl<'a> Reader<'a> {
                 }
                 530 => in_machine = true,
                 40 => takes_words = true,
+                // How smoothly the machine runs, as G05.1 Q1; with places they are splines of LinuxCNC.
+                50 | 51 | 80 | 1870 if !values.any(b"XYZABCIJK") => takes_words = true,
                 // Length of the tool: the tip goes where it is told to. Speeds, ways to round corners, and the like.
                 430 | 434 | 435 | 490 | 610 | 611 | 640 | 930 | 940 | 950 | 960 | 970 | 150 => {}
                 // Of mills K repeats the hole, and I and J lead away from its wall.

@@ -57,7 +57,7 @@ impl Reader<'_> {
         let (is_scaled, is_mirrored) = (frame.is_scaled(), frame.is_mirrored());
         // What stands within ends first: mirror, scale, rotation, in this order from outside.
         let moves_zero = |code: i64| match code {
-            100 | 520 | 540..=593 | 920..=922 => true,
+            100 | 520 | 540..=593 | 920..=922 | 1540 => true,
             500 => is_scaled && frame.is_turned(),
             501 => is_mirrored && (is_scaled || frame.is_turned()),
             _ => false,

@@ -206,6 +206,26 @@ fn what_cannot_be_followed_names_line_and_word() {
 }
 
 #[test]
+fn further_offsets_and_smoothing_are_read() {
+    assert_eq!(
+        ends(
+            "G05.1 Q1 R5\nG05 P10000\nG08 P1\nG187 P2\nG0 X0 Y0 Z0\nG54.1 P3 X5\nG10 L2 P0 X100\nX5\nG154 P3 X6\nG54.1 P3 X7\nG52 X1\nX7\n"
+        ),
+        [
+            "R[5.0, 0.0, 0.0]",
+            "R[105.0, 0.0, 0.0]",
+            "R[6.0, 0.0, 0.0]",
+            "R[107.0, 0.0, 0.0]",
+            "R[108.0, 0.0, 0.0]"
+        ]
+    );
+    is_refused("p.nc", "G0 X0 Y0 Z0\nG54.1 X5\n", &["line 2", "needs P"]);
+    is_refused("p.nc", "G0 X0 Y0 Z0\nG154 P100 X5\n", &["line 2", "from 1 to 99"]);
+    is_refused("p.nc", "G0 X0 Y0 Z0\nG5.1 X5 Y5 I1 J2\n", &["line 2", "is not read"]);
+    is_refused("p.nc", "G0 X0 Y0 Z0\nG68.2 I5\nG54.1 P1\n", &["line 3", "G69"]);
+}
+
+#[test]
 fn local_zeros_add_to_all_offsets() {
     assert_eq!(
         ends("G10 L2 P2 X100\nG0 X0 Y0 Z0\nG52 X5 Y1\nG1 X1 Y0\nG55\nX1\nG52 X0\nX1\nG52 Y0\nG54 X2 Y0\n"),
