@@ -11,6 +11,7 @@ mod compensation;
 #[cfg(test)]
 mod compensation_tests;
 mod contour;
+mod coordinates;
 mod cycle;
 mod formula;
 mod frame;

@@ -1,7 +1,7 @@
 //! Motion as the reader meets it: straight moves, arcs, and the holes of cycles.
 
 use super::frame::is_far;
-use super::reader::{Motion, Reader, known};
+use super::reader::{MotionMode, Reader, known};
 use super::values::Values;
 use crate::error::Result;
 use crate::toolpath::gcode::arc::{Arc, Centre};
@@ -20,17 +20,17 @@ impl Reader<'_> {
         }
         let degrees = self.turned(values);
         match motion {
-            Motion::Cycle if self.contour.is_some() => {
+            MotionMode::Cycle if self.contour.is_some() => {
                 Err(self.out.fault(b"G81", "drills within a correction for the radius of the tool"))
             }
-            Motion::Cycle => self.drill(values),
-            Motion::Arc { clockwise } => self.arc(values, clockwise),
-            Motion::Rapid | Motion::Straight => {
+            MotionMode::Cycle => self.drill(values),
+            MotionMode::Arc { clockwise } => self.arc(values, clockwise),
+            MotionMode::Rapid | MotionMode::Straight => {
                 let to = self.target(values)?;
                 if self.contour.is_some() {
-                    return self.along_contour(to, degrees, motion == Motion::Rapid, None);
+                    return self.along_contour(to, degrees, motion == MotionMode::Rapid, None);
                 }
-                self.go(to, degrees, motion == Motion::Rapid)
+                self.go(to, degrees, motion == MotionMode::Rapid)
             }
         }
     }

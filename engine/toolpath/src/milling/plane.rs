@@ -11,6 +11,20 @@ const SQUARE: f64 = 2e-3;
 /// Sines below this are none.
 const STRAIGHT: f64 = 1e-6;
 
+/// What the lines of a plane have told so far.
+#[derive(Clone, Debug)]
+pub(super) struct PlaneWords {
+    /// G68.2 or G68.4, and its P.
+    pub code: i64,
+    pub form: i64,
+    /// Turn about Z, by R, in degrees.
+    pub degrees: f64,
+    /// Points or vectors, in the order of Q from 1.
+    pub told: Vec<[f64; 3]>,
+    /// Where its zero lies, as far as a line has told it.
+    pub origin: [f64; 3],
+}
+
 /// A plane within the part, or within another plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TiltedPlane {

@@ -36,7 +36,7 @@ pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
     if apt::is_apt(path, &lines) {
         return apt::read(out, &lines);
     }
-    let blocks = Blocks::of(&lines);
+    let blocks = ProgramBlocks::of(&lines);
     let jumps = Jumps::of(&lines, blocks.programs.keys().copied());
     let mut flow = Flow {
         reader: Reader::new(out),
@@ -93,7 +93,7 @@ impl<'l> Block<'l> {
 }
 
 /// Where programs and subprograms begin.
-pub(super) struct Blocks {
+pub(super) struct ProgramBlocks {
     /// By name the lines, from 0, of O numbers and of `sub`.
     begins: BTreeMap<String, Vec<usize>>,
     /// O numbers alone.
@@ -104,9 +104,9 @@ pub(super) struct Blocks {
     numbered: BTreeMap<u64, Vec<usize>>,
 }
 
-impl Blocks {
-    fn of(lines: &[&[u8]]) -> Blocks {
-        let mut blocks = Blocks {
+impl ProgramBlocks {
+    fn of(lines: &[&[u8]]) -> ProgramBlocks {
+        let mut blocks = ProgramBlocks {
             begins: BTreeMap::new(),
             programs: BTreeMap::new(),
             called: BTreeSet::new(),
@@ -192,7 +192,7 @@ pub(super) struct Call {
 
 pub(super) struct Flow<'a, 'l> {
     pub reader: Reader<'a>,
-    pub blocks: Blocks,
+    pub blocks: ProgramBlocks,
     pub lines: &'l [&'l [u8]],
     pub calls: Vec<Call>,
     pub jumps: Jumps,

@@ -4,7 +4,7 @@ use super::compensation::Compensation;
 use super::cycle::Cycle;
 use super::frame::{WorkFrame, is_far};
 use super::moves::{Moves, Program};
-use super::tilted::PlaneWords;
+use super::plane::PlaneWords;
 use super::tool::Tool;
 use super::values::Values;
 use crate::error::Result;
@@ -26,9 +26,9 @@ pub(super) enum After {
     Return,
 }
 
-/// Motion that lines with coordinates alone repeat.
+/// MotionMode that lines with coordinates alone repeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Motion {
+pub(super) enum MotionMode {
     Rapid,
     Straight,
     Arc { clockwise: bool },
@@ -37,7 +37,7 @@ pub(super) enum Motion {
 
 pub(super) struct Reader<'a> {
     pub out: Moves<'a>,
-    pub(super) motion: Option<Motion>,
+    pub(super) motion: Option<MotionMode>,
     /// Across the plane of arcs: 2 for G17, 1 for G18, 0 for G19.
     pub(super) normal: usize,
     /// mm in the unit of the program.
@@ -192,17 +192,26 @@ impl<'a> Reader<'a> {
             self.register = Some(number as u32);
         }
         self.require_outside_contour(codes, machine)?;
-        self.require_right_frame(codes, values, machine)?;
+        self.require_whole_plane(codes, values, machine)?;
+        self.require_right_frame(codes)?;
         if machine.iter().any(|(code, _)| *code == 6) {
             self.out.tool = self.next;
         }
         let mut takes_words = false;
         let mut in_machine = false;
         for &(code, text) in codes {
+            if let Some(takes) = self.set_coordinates(code, values, text)? {
+                if takes && takes_words {
+                    let what = "stands beside another code that takes the words of the line";
+                    return Err(self.out.refused(text, what, "give each a line"));
+                }
+                takes_words |= takes;
+                continue;
+            }
             match code {
-                0 => self.motion = Some(Motion::Rapid),
-                10 => self.motion = Some(Motion::Straight),
-                20 | 30 => self.motion = Some(Motion::Arc { clockwise: code == 20 }),
+                0 => self.motion = Some(MotionMode::Rapid),
+                10 => self.motion = Some(MotionMode::Straight),
+                20 | 30 => self.motion = Some(MotionMode::Arc { clockwise: code == 20 }),
                 170 => self.normal = 2,
                 180 => self.normal = 1,
                 190 => self.normal = 0,
@@ -212,80 +221,12 @@ impl<'a> Reader<'a> {
                 910 => self.relative = true,
                 901 => self.absolute_centres = true,
                 911 => self.absolute_centres = false,
-                540..=590 if code % 10 == 0 => self.frame.system = (code / 10 - 54) as usize,
-                591..=593 => self.frame.system = (code - 591 + 6) as usize,
-                541 | 1540 => {
-                    let [first, second] = WorkFrame::FURTHER;
-                    let (base, most) = if code == 541 { (first, 300.0) } else { (second, 99.0) };
-                    let Some(number) =
-                        values.get(b'P').filter(|p| (1.0..=most).contains(p) && p.fract() == 0.0)
-                    else {
-                        let what = format!("needs P with a whole number from 1 to {most}");
-                        return Err(self.out.fault(text, &what));
-                    };
-                    self.frame.system = base + number as usize;
-                }
                 800 => {
                     self.cycle.on = false;
-                    self.motion = self.motion.filter(|motion| *motion != Motion::Cycle);
+                    self.motion = self.motion.filter(|motion| *motion != MotionMode::Cycle);
                 }
                 980 => self.cycle.back_to_start = true,
                 990 => self.cycle.back_to_start = false,
-                100 => {
-                    self.set_system(values, text)?;
-                    takes_words = true;
-                }
-                920 => {
-                    self.set_shift(values);
-                    takes_words = true;
-                }
-                921 | 922 => self.frame.forget_places(),
-                520 => {
-                    self.set_local(values);
-                    takes_words = true;
-                }
-                680 => {
-                    self.begin_rotation(values, text)?;
-                    takes_words = true;
-                }
-                510 | 511 => {
-                    if code == 510 {
-                        self.begin_scale(values, text)?
-                    } else {
-                        self.mirror(values, text)?
-                    }
-                    takes_words = true;
-                }
-                500 => self.frame.end_scale(),
-                501 => {
-                    self.end_mirror(values);
-                    takes_words = true;
-                }
-                682 | 684 => {
-                    self.define_plane(code, values, text)?;
-                    takes_words = true;
-                }
-                683 => {
-                    let what = "takes a plane from the axis of the tool, which is not read";
-                    return Err(self.out.refused(
-                        text,
-                        what,
-                        "give the plane by G68.2 with angles, points or vectors",
-                    ));
-                }
-                531 | 536 => {
-                    self.orient(code, values, text)?;
-                    takes_words = true;
-                }
-                690 => {
-                    self.frame.end_turn();
-                    self.set_plane(None);
-                }
-                // The way home leads over the place that is named; where home is, no program tells.
-                280 | 300 => {
-                    self.go_home(code, values, text)?;
-                    takes_words = true;
-                }
                 530 => in_machine = true,
                 40 => takes_words = true,
                 // How smoothly the machine runs, as G05.1 Q1; with places they are splines of LinuxCNC.
@@ -298,7 +239,7 @@ impl<'a> Reader<'a> {
                     return Err(self.out.refused(text, what, "give a program of a mill, where G76 bores"));
                 }
                 code if Cycle::begins(code) => {
-                    self.motion = Some(Motion::Cycle);
+                    self.motion = Some(MotionMode::Cycle);
                     if !self.cycle.on {
                         self.cycle = Cycle { on: true, depth: None, retract: None, ..self.cycle };
                     }
@@ -356,64 +297,6 @@ impl<'a> Reader<'a> {
             }
         }
         Ok(After::Next)
-    }
-
-    /// G10 L2 P… sets a work offset.
-    fn set_system(&mut self, values: &Values, text: &[u8]) -> Result<()> {
-        let number = values.get(b'P').map(|p| p as usize);
-        match (values.get(b'L').map(|l| l as i64), number) {
-            (Some(2), Some(number @ 0..=9)) => {
-                for (a, value) in values.axes() {
-                    self.frame.set_system(number.checked_sub(1), a, value * self.unit);
-                }
-                Ok(())
-            }
-            (Some(1 | 12), Some(number)) => {
-                if let Some(radius) = values.get(b'R') {
-                    self.radii.insert(number as u32, radius * self.unit);
-                }
-                Ok(())
-            }
-            (Some(1 | 10 | 11), _) => Ok(()),
-            _ => Err(self.out.fault(text, "sets what is not read; use L2 with P1 to P9")),
-        }
-    }
-
-    /// G92 names the present place.
-    fn set_shift(&mut self, values: &Values) {
-        for (a, value) in values.axes() {
-            if let Some(at) = self.at[a] {
-                self.frame.name_place(a, at, value * self.unit);
-            }
-        }
-    }
-
-    /// G52 moves the zero of all work offsets.
-    fn set_local(&mut self, values: &Values) {
-        values.axes().for_each(|(a, value)| self.frame.set_local(a, value * self.unit));
-    }
-
-    /// Home, along the axes that are named, or all: where that is, no program tells. Of axes that turn the head it is 0.
-    fn go_home(&mut self, code: i64, values: &Values, text: &[u8]) -> Result<()> {
-        if code == 300 && values.any(b"ABC") {
-            return Err(self.out.fault(text, "turns the head to an angle that no program tells"));
-        }
-        self.tip = None;
-        if values.any(b"XYZ") {
-            self.forget(values)
-        } else {
-            self.at = [None; 3]
-        }
-        self.rest_head(values, |_| 0.0, text)
-    }
-
-    /// A move in the machine's coordinates, which say nothing of the part.
-    fn forget(&mut self, values: &Values) {
-        self.tip = None;
-        let plane = self.frame.plane;
-        self.set_plane(None);
-        values.axes().for_each(|(a, _)| self.at[a] = None);
-        self.set_plane(plane);
     }
 
     /// Where the words of a line lead, axis by axis.

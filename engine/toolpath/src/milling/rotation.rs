@@ -40,19 +40,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Within a rotation, or a tilted plane, what moves its zero is not read; within the lines that define a plane nothing else is.
-    pub(super) fn require_right_frame(
-        &self,
-        codes: &[(i64, &[u8])],
-        values: &Values,
-        machine: &[(i64, &[u8])],
-    ) -> Result<()> {
-        let is_plane = |code: &i64| matches!(code, 682 | 684);
-        let is_empty = codes.is_empty() && machine.is_empty() && values.other_than(b"").is_none();
-        if self.defining.is_some() && !is_empty && !codes.iter().any(|(code, _)| is_plane(code)) {
-            let what = "is followed by another line before its plane is told";
-            return Err(self.out.refused(b"G68.2", what, "give all lines of its form one after the other"));
-        }
+    /// Within mirrors, scales, rotations and tilted planes what moves their zero is not read.
+    pub(super) fn require_right_frame(&self, codes: &[(i64, &[u8])]) -> Result<()> {
         let frame = &self.frame;
         let (is_scaled, is_mirrored) = (frame.is_scaled(), frame.is_mirrored());
         // What stands within ends first: mirror, scale, rotation, in this order from outside.

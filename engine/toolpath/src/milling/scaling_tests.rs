@@ -81,6 +81,8 @@ fn scales_that_cannot_be_followed_are_told() {
         ("G28 X0\nG51 P2.", ["line 3", "does not tell"]),
         ("G91 G51 X0 P2.", ["line 2", "G91"]),
         ("G51 X0 Y0 I2. J1.\nG2 X4 I2", ["line 3", "not the same along both axes"]),
+        ("G52 X5 G92 X1", ["line 2", "twice"]),
+        ("G52 X5 G68 R30", ["line 2", "\"G68\" stands beside"]),
         ("G51 P2.\nG51 P3.", ["line 3", "G50"]),
         ("G51 P2.\nG52 X3", ["line 3", "G50"]),
         ("G51 P2.\nG51.1 X3", ["line 3", "G50"]),

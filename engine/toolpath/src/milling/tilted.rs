@@ -1,28 +1,31 @@
 //! Tilted planes as the reader meets them: the lines that define one, the tool that turns to it, and the head that turns back.
 
 use super::frame::is_far;
-use super::plane::TiltedPlane;
-use super::reader::{Motion, Reader};
+use super::plane::{PlaneWords, TiltedPlane};
+use super::reader::{MotionMode, Reader};
 use super::values::Values;
 use crate::error::Result;
 
 /// Cosines of tools that stand across a plane are so near to 1.
 const UPRIGHT: f64 = 1e-9;
 
-/// What the lines of a plane have told so far.
-#[derive(Clone, Debug)]
-pub(super) struct PlaneWords {
-    /// G68.2 or G68.4, and its P.
-    code: i64,
-    form: i64,
-    /// Turn about Z, by R, in degrees.
-    degrees: f64,
-    /// Points or vectors, in the order of Q from 1.
-    told: Vec<[f64; 3]>,
-    origin: [f64; 3],
-}
-
 impl Reader<'_> {
+    /// Within the lines that define a plane nothing else is read.
+    pub(super) fn require_whole_plane(
+        &self,
+        codes: &[(i64, &[u8])],
+        values: &Values,
+        machine: &[(i64, &[u8])],
+    ) -> Result<()> {
+        let is_empty = codes.is_empty() && machine.is_empty() && values.other_than(b"").is_none();
+        let is_plane = codes.iter().any(|(code, _)| matches!(code, 682 | 684));
+        if self.defining.is_none() || is_empty || is_plane {
+            return Ok(());
+        }
+        let what = "is followed by another line before its plane is told";
+        Err(self.out.refused(b"G68.2", what, "give all lines of its form one after the other"))
+    }
+
     /// G68.2: what follows is told in a tilted plane; G68.4: in one within that plane.
     pub(super) fn define_plane(&mut self, code: i64, values: &Values, text: &[u8]) -> Result<()> {
         if code == 684 && self.frame.plane.is_none() {
@@ -201,8 +204,8 @@ impl Reader<'_> {
     }
 
     /// A rapid move that turns the head by words after G53.1: where its tip goes to on the way, no program tells.
-    pub(super) fn turn_back(&mut self, values: &Values, motion: Motion) -> Result<()> {
-        if motion != Motion::Rapid || self.relative {
+    pub(super) fn turn_back(&mut self, values: &Values, motion: MotionMode) -> Result<()> {
+        if motion != MotionMode::Rapid || self.relative {
             let what = "turn the tool from an angle that G53.1 has set, which the program does not tell";
             return Err(self.out.refused(b"A B C", what, "turn it by G0 and G90 first"));
         }
