@@ -125,6 +125,25 @@ fn loops_and_jumps_are_carried_out() {
 }
 
 #[test]
+fn loops_and_conditions_of_linuxcnc_are_carried_out() {
+    let moves = |text: &str| ends(&format!("G0 X0 Y0 Z0\n{text}"));
+    let expected = ["[1.0, 0.0, 0.0]", "[2.0, 0.0, 0.0]", "[3.0, 0.0, 0.0]"];
+    let counted = "#1=1\no100 while [#1 LE 3]\nG1 X#1\n#1=[#1+1]\no100 endwhile\n";
+    assert_eq!(moves(counted), expected);
+    assert_eq!(moves("#1=0\no<n> do\n#1=[#1+1]\nG1 X#1\no<N> while [#1 LT 3]\n"), expected);
+    let left = "#1=0\no1 while [1 EQ 1]\n#1=[#1+1]\no2 if [#1 GT 3]\no1 break\no2 endif\no3 if [#1 LT 0]\nX99\no3 else\nG1 X#1\no3 endif\no1 continue\nX77\no1 endwhile\n";
+    assert_eq!(moves(left), expected);
+    let branch = |n: u32| {
+        moves(&format!(
+            "#1={n}\no1 if [#1 EQ 1] (one)\nG1 X1\no1 elseif [#1 EQ 2]\nG1 X2\no1 elseif [#1 EQ 9]\nX9\no1 else\nG1 X3\no1 endif\nY1\n"
+        ))
+    };
+    for n in 1..=3 {
+        assert_eq!(branch(n), [format!("[{n}.0, 0.0, 0.0]"), format!("[{n}.0, 1.0, 0.0]")]);
+    }
+}
+
+#[test]
 fn calls_pass_values_of_their_own() {
     let holes = "G0 X0 Y0 Z5\n#1=9\n#100=4.\nG65 P9010 X5. Y[#100+1] Z-2. H2 (two holes)\nX#1\nM30\nO9010\n#3=0\nWHILE[#3LT#11]DO1\nG0 X[#24+#3*#100] Y#25\nG1 Z#26 F100\nG0 Z5\n#3=#3+1\n#1=77\nEND1\nM99\n";
     assert_eq!(
@@ -166,7 +185,7 @@ fn macros_that_cannot_be_followed_are_told() {
         ("WHILE[1EQ1]", ["line 2", "without DO"]),
         ("WHILE[1]DO1\nEND1", ["line 2", "compares nothing"]),
         ("IF[1EQ1]X5", ["line 2", "without GOTO or THEN"]),
-        ("DO1\nEND1", ["END", "repeats more lines"]),
+        ("DO1\nEND1", ["\"DO1\"", "repeats more lines"]),
         ("N1 GOTO 1", ["line 2", "repeats more lines"]),
         ("#1=1 #2=2", ["line 2", "each variable a line"]),
         ("#1=1/0", ["line 2", "\"#1=1/0\" divides by zero"]),
@@ -191,8 +210,19 @@ fn macros_that_cannot_be_followed_are_told() {
         ("G65 P1\nM30\nO1\nG65 P1\nM99", ["line 5", "within itself"]),
         ("o1 sub\no1 endsub\no1 call [1/0]", ["line 4", "divides by zero"]),
         ("o1 sub\no1 endsub\no1 call 5", ["line 4", "no value in brackets"]),
-        ("o1 while [1 EQ 1]\no1 endwhile", ["line 2", "a loop or a condition"]),
+        ("o1 repeat [5]\no1 endrepeat", ["line 2", "a loop or a condition"]),
+        ("o1 while [1 EQ 2]", ["line 2", "no other line"]),
+        ("o1 while [1 EQ 1]\no2 endwhile", ["line 3", "no other line"]),
+        ("o1 while [1 EQ 1]\no1 endwhile", ["o1 ", "repeats more lines"]),
+        ("o1 do\nX1", ["line 2", "no other line"]),
+        ("o1 if [1 EQ 2]\nX1", ["line 2", "no other line"]),
+        ("o1 if [1 EQ 2] 5\no1 endif", ["line 2", "behind its condition"]),
+        ("o1 if [1 EQ 2]\no1 elseif [1/0 EQ 1]\no1 endif", ["line 3", "divides by zero"]),
+        ("o1 else\no1 endif", ["line 2", "no other line"]),
+        ("o1 break", ["line 2", "no other line"]),
     ] {
         is_refused("p.nc", &format!("G0 X0 Y0 Z0\n{text}\n"), &words);
     }
+    let many = "o1 if [1 EQ 1]\no1 endif\n".repeat(600);
+    is_refused("p.nc", &many, &["line 1", "more lines than can be followed"]);
 }

@@ -39,6 +39,7 @@ mod tilted_tests;
 mod tool;
 mod values;
 mod variables;
+mod word_blocks;
 
 pub use moves::{Move, Program, ProgramOptions};
 pub use program::read;

@@ -2,8 +2,7 @@
 //!
 //! Three forms are followed. A file may hold several programs, each behind its O number: M98 P… L… calls one, and M99 returns.
 //! M97 P… L… calls what begins at the block with this number, N…, and M99 returns from there, too. And LinuxCNC has `o100 sub`,
-//! `o100 endsub`, `o100 return` and `o100 call`; its loops and conditions are refused. Lines of macros, as FANUC has them, are
-//! carried out by `macros`.
+//! `o100 endsub`, `o100 return` and `o100 call`; `word_blocks` has its loops and conditions, and `macros` those of FANUC.
 
 use super::apt;
 use super::loops::Jumps;
@@ -22,8 +21,6 @@ const DEPTH_MAX: usize = 32;
 const LINES_MAX: u64 = if cfg!(test) { 1 << 16 } else { 1 << 23 };
 /// Most moves of a program that repeats lines.
 const REPEATED_MOVES_MAX: usize = 1 << 24;
-/// What to do about what only the machine's control can compute.
-const WITHOUT_MACROS: &str = "post-process without macros and variables";
 
 /// Reads a program: G-code, or a CL file of APT by its name or its words.
 ///
@@ -60,17 +57,17 @@ fn lines_of(bytes: &[u8]) -> Vec<&[u8]> {
 }
 
 /// A word O at the begin of a line.
-struct Block<'l> {
+pub(super) struct Block<'l> {
     /// Its number without zeros in front, or its name in angle brackets, in small letters.
-    name: String,
+    pub name: String,
     /// What follows, in small letters, without comments; empty behind the number of a program.
-    keyword: String,
+    pub keyword: String,
     /// What follows that.
-    rest: &'l [u8],
+    pub rest: &'l [u8],
 }
 
 impl<'l> Block<'l> {
-    fn of(line: &'l [u8]) -> Option<Block<'l>> {
+    pub fn of(line: &'l [u8]) -> Option<Block<'l>> {
         let after = line.strip_prefix(b"/").unwrap_or(line);
         let after = after.strip_prefix(b"O").or_else(|| after.strip_prefix(b"o"))?.trim_ascii_start();
         let length = match after.first()? {
@@ -92,12 +89,21 @@ impl<'l> Block<'l> {
     }
 }
 
+impl Block<'_> {
+    /// As messages show it.
+    pub fn word(&self) -> String {
+        format!("O{} {}", self.name, self.keyword)
+    }
+}
+
 /// Where programs and subprograms begin.
 pub(super) struct ProgramBlocks {
     /// By name the lines, from 0, of O numbers and of `sub`.
     begins: BTreeMap<String, Vec<usize>>,
     /// O numbers alone.
     pub programs: BTreeMap<usize, String>,
+    /// By name the lines of loops and conditions of LinuxCNC, each with its word.
+    pub worded: BTreeMap<String, Vec<(usize, String)>>,
     /// What M98 calls.
     called: BTreeSet<String>,
     /// By the numbers that M97 calls the lines that have them.
@@ -109,6 +115,7 @@ impl ProgramBlocks {
         let mut blocks = ProgramBlocks {
             begins: BTreeMap::new(),
             programs: BTreeMap::new(),
+            worded: BTreeMap::new(),
             called: BTreeSet::new(),
             numbered: BTreeMap::new(),
         };
@@ -116,6 +123,10 @@ impl ProgramBlocks {
             if let Some(block) = Block::of(line) {
                 if block.keyword.is_empty() {
                     blocks.programs.insert(at, block.name.clone());
+                }
+                if !matches!(block.keyword.as_str(), "" | "sub" | "call") {
+                    let worded = blocks.worded.entry(block.name.clone()).or_default();
+                    worded.push((at, block.keyword.clone()));
                 }
                 if matches!(block.keyword.as_str(), "" | "sub") {
                     blocks.begins.entry(block.name).or_default().push(at);
@@ -210,8 +221,12 @@ impl Flow<'_, '_> {
             self.reader.out.line = at as u64 + 1;
             let is_long = count > 0 && self.reader.out.program.moves.len() > REPEATED_MOVES_MAX;
             if count > LINES_MAX || is_long {
-                let word: &[u8] = if self.repeats { b"GOTO or END" } else { b"M98" };
-                return Err(self.reader.out.fault(word, "repeats more lines than can be followed"));
+                if !self.repeats {
+                    return Err(self.reader.out.fault(b"M98", "repeats more lines than can be followed"));
+                }
+                let shown = &self.lines[at][..self.lines[at].len().min(60)];
+                let what = "stands in what repeats more lines, or moves, than can be followed";
+                return Err(self.reader.out.fault(shown, what));
             }
             let line = self.lines[at];
             let next = match Block::of(line) {
@@ -283,7 +298,7 @@ impl Flow<'_, '_> {
 
     /// A block of LinuxCNC: the line to go on with.
     fn block(&mut self, at: usize, block: &Block<'_>) -> Result<usize> {
-        let word = format!("O{} {}", block.name, block.keyword);
+        let word = block.word();
         let out = &self.reader.out;
         match block.keyword.as_str() {
             "sub" if self.calls.last().is_some_and(|call| call.begin == at) => Ok(at + 1),
@@ -303,11 +318,7 @@ impl Flow<'_, '_> {
                 let locals = self.passed(block.rest, word.as_bytes())?;
                 self.call(at, block.name.clone(), 1, word.as_bytes(), Some(locals))
             }
-            _ => Err(out.refused(
-                word.as_bytes(),
-                "is a loop or a condition, which is not read",
-                WITHOUT_MACROS,
-            )),
+            _ => self.word_block(at, block),
         }
     }
 
