@@ -31,11 +31,13 @@ pub(super) struct FormulaReader<'t> {
     pub at: usize,
     variables: &'t MacroVariables,
     depth: u32,
+    /// Whether what is computed is the number of a word.
+    pub in_word: bool,
 }
 
 impl<'t> FormulaReader<'t> {
     pub fn new(text: &'t [u8], variables: &'t MacroVariables) -> FormulaReader<'t> {
-        FormulaReader { text, at: 0, variables, depth: 0 }
+        FormulaReader { text, at: 0, variables, depth: 0, in_word: false }
     }
 
     pub fn rest(&self) -> &'t [u8] {
@@ -272,6 +274,10 @@ impl<'t> FormulaReader<'t> {
             "LN" if of <= 0.0 => return Err(format!("takes LN of {of}")),
             "LN" => libm::log(of),
             "EXP" => libm::exp(of),
+            // FANUC rounds there to the smallest step of the machine, LinuxCNC to whole numbers.
+            "ROUND" | "RND" if self.in_word => {
+                return Err("rounds within a word, where controls differ: set a variable before".to_owned());
+            }
             "ROUND" | "RND" => whole(of, of.abs() + 0.5, f64::round)?,
             "FIX" | "FUP" if of < 0.0 => {
                 return Err(format!(

@@ -198,6 +198,7 @@ fn macros_that_cannot_be_followed_are_told() {
         ("X[1e9*10]", ["line 2", "closing bracket"]),
         ("X[1000000*10000]", ["line 2", "out of range"]),
         ("X#500", ["line 2", "has not set"]),
+        ("X[ROUND[1.5]]", ["line 2", "rounds within a word"]),
         ("G65 P1", ["line 2", "O1, which the file has not"]),
         ("G65 A1.", ["line 2", "needs P"]),
         ("G65 P1 A1\nM30\nO1\nM99", ["line 2", "\"A1\" passes a number without a decimal point"]),

@@ -147,6 +147,7 @@ fn jump(mut reader: FormulaReader<'_>) -> Result<Statement, String> {
 
 /// Words with their numbers; those of empty variables are left out.
 fn words(mut reader: FormulaReader<'_>) -> Result<Statement, String> {
+    reader.in_word = true;
     let mut plain = Vec::with_capacity(reader.text.len());
     while let Some(letter @ b'A'..=b'Z') = reader.rest().first() {
         let behind = &reader.rest()[1..];
