@@ -57,7 +57,7 @@ fn lines_of(bytes: &[u8]) -> Vec<&[u8]> {
 }
 
 /// A word O at the begin of a line.
-pub(super) struct Block<'l> {
+pub(super) struct WordBlock<'l> {
     /// Its number without zeros in front, or its name in angle brackets, in small letters.
     pub name: String,
     /// What follows, in small letters, without comments; empty behind the number of a program.
@@ -66,8 +66,8 @@ pub(super) struct Block<'l> {
     pub rest: &'l [u8],
 }
 
-impl<'l> Block<'l> {
-    pub fn of(line: &'l [u8]) -> Option<Block<'l>> {
+impl<'l> WordBlock<'l> {
+    pub fn of(line: &'l [u8]) -> Option<WordBlock<'l>> {
         let after = line.strip_prefix(b"/").unwrap_or(line);
         let after = after.strip_prefix(b"O").or_else(|| after.strip_prefix(b"o"))?.trim_ascii_start();
         let length = match after.first()? {
@@ -85,11 +85,11 @@ impl<'l> Block<'l> {
         let letters = rest.iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
         // One letter alone is a word of the line, as the G of O100 G21.
         let (keyword, rest) = rest.split_at(if letters > 1 { letters } else { 0 });
-        Some(Block { name, keyword: String::from_utf8_lossy(keyword).to_lowercase(), rest })
+        Some(WordBlock { name, keyword: String::from_utf8_lossy(keyword).to_lowercase(), rest })
     }
 }
 
-impl Block<'_> {
+impl WordBlock<'_> {
     /// As messages show it.
     pub fn word(&self) -> String {
         format!("O{} {}", self.name, self.keyword)
@@ -120,7 +120,7 @@ impl ProgramBlocks {
             numbered: BTreeMap::new(),
         };
         for (at, line) in lines.iter().enumerate() {
-            if let Some(block) = Block::of(line) {
+            if let Some(block) = WordBlock::of(line) {
                 if block.keyword.is_empty() {
                     blocks.programs.insert(at, block.name.clone());
                 }
@@ -229,7 +229,7 @@ impl Flow<'_, '_> {
                 return Err(self.reader.out.fault(shown, what));
             }
             let line = self.lines[at];
-            let next = match Block::of(line) {
+            let next = match WordBlock::of(line) {
                 Some(block) if !block.keyword.is_empty() => Some(self.block(at, &block)?),
                 block => {
                     if let Some(block) = block {
@@ -279,7 +279,7 @@ impl Flow<'_, '_> {
     }
 
     /// An O number at which the program arrives line by line.
-    fn enter(&self, at: usize, block: &Block<'_>) -> Result<()> {
+    fn enter(&self, at: usize, block: &WordBlock<'_>) -> Result<()> {
         let word = format!("O{}", block.name);
         match self.calls.last() {
             Some(call) if call.begin == at => Ok(()),
@@ -297,14 +297,15 @@ impl Flow<'_, '_> {
     }
 
     /// A block of LinuxCNC: the line to go on with.
-    fn block(&mut self, at: usize, block: &Block<'_>) -> Result<usize> {
+    fn block(&mut self, at: usize, block: &WordBlock<'_>) -> Result<usize> {
         let word = block.word();
         let out = &self.reader.out;
         match block.keyword.as_str() {
             "sub" if self.calls.last().is_some_and(|call| call.begin == at) => Ok(at + 1),
             "sub" => {
                 let ends = |line: &&[u8]| {
-                    Block::of(line).is_some_and(|other| other.keyword == "endsub" && other.name == block.name)
+                    WordBlock::of(line)
+                        .is_some_and(|other| other.keyword == "endsub" && other.name == block.name)
                 };
                 let end = self.lines[at..].iter().position(ends);
                 let length = end.ok_or_else(|| out.fault(word.as_bytes(), "has no endsub"))?;

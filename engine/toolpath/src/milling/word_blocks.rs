@@ -1,7 +1,7 @@
 //! Loops and conditions of LinuxCNC: `o100 while`, `do`, `if` and what belongs to them, found by their name.
 
 use super::formula::FormulaReader;
-use super::program::{Block, Flow};
+use super::program::{Flow, WordBlock};
 use super::statement::cleaned;
 use crate::error::{Error, Result};
 
@@ -13,7 +13,7 @@ const LINES_OF_NAME_MAX: usize = 1024;
 
 impl Flow<'_, '_> {
     /// A loop or a condition: the line to go on with.
-    pub(super) fn word_block(&mut self, at: usize, block: &Block<'_>) -> Result<usize> {
+    pub(super) fn word_block(&mut self, at: usize, block: &WordBlock<'_>) -> Result<usize> {
         let name = block.name.as_str();
         if self.blocks.worded.get(name).is_some_and(|blocks| blocks.len() > LINES_OF_NAME_MAX) {
             let what = "has a name that stands in more lines than can be followed";
@@ -47,7 +47,7 @@ impl Flow<'_, '_> {
     }
 
     /// A loop's begin, or the end of one that begins by `do`.
-    fn while_block(&mut self, at: usize, block: &Block<'_>) -> Result<usize> {
+    fn while_block(&mut self, at: usize, block: &WordBlock<'_>) -> Result<usize> {
         let goes_on = self.condition(block)?;
         let opener = self.before(&block.name, at, &["do", "while", "endwhile"]);
         let begin = opener.filter(|opener| self.keyword(*opener) == Some("do"));
@@ -61,11 +61,12 @@ impl Flow<'_, '_> {
     }
 
     /// The first branch behind one whose condition is not met.
-    fn next_branch(&mut self, mut at: usize, block: &Block<'_>) -> Result<usize> {
+    fn next_branch(&mut self, mut at: usize, block: &WordBlock<'_>) -> Result<usize> {
         loop {
             let next = self.behind(&block.name, at, &["elseif", "else", "endif"]);
             at = next.ok_or_else(|| self.lacks_partner(block))?;
-            let Some(branch) = Block::of(self.lines[at]).filter(|branch| branch.keyword == "elseif") else {
+            let Some(branch) = WordBlock::of(self.lines[at]).filter(|branch| branch.keyword == "elseif")
+            else {
                 return Ok(at + 1);
             };
             self.reader.out.line = at as u64 + 1;
@@ -76,7 +77,7 @@ impl Flow<'_, '_> {
     }
 
     /// Where `break` and `continue` lead in the loop of their name.
-    fn loop_around(&self, at: usize, block: &Block<'_>) -> Option<usize> {
+    fn loop_around(&self, at: usize, block: &WordBlock<'_>) -> Option<usize> {
         let begin = self.before(&block.name, at, &["do", "while"])?;
         let is_do = self.keyword(begin) == Some("do");
         let end = self.behind(&block.name, at, &[if is_do { "while" } else { "endwhile" }])?;
@@ -87,7 +88,7 @@ impl Flow<'_, '_> {
         })
     }
 
-    fn condition(&self, block: &Block<'_>) -> Result<bool> {
+    fn condition(&self, block: &WordBlock<'_>) -> Result<bool> {
         let clean = cleaned(block.rest);
         let mut reader = FormulaReader::new(&clean, &self.variables);
         let found = reader.condition().and_then(|found| match reader.rest() {
@@ -112,11 +113,11 @@ impl Flow<'_, '_> {
     }
 
     fn keyword(&self, at: usize) -> Option<&'static str> {
-        let block = Block::of(self.lines[at])?;
+        let block = WordBlock::of(self.lines[at])?;
         ["do", "while"].into_iter().find(|word| *word == block.keyword)
     }
 
-    fn lacks_partner(&self, block: &Block<'_>) -> Error {
+    fn lacks_partner(&self, block: &WordBlock<'_>) -> Error {
         let what = "has no other line that belongs to it, as endwhile, while or endif";
         self.reader.out.refused(block.word().as_bytes(), what, REMEDY)
     }
