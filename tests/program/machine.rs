@@ -34,6 +34,8 @@ fn removed_volumes_are_those_of_closed_forms() {
     let segment = 9.0 * (1.0f64 / 3.0).acos() - 8f64.sqrt();
     let cases = [
         ("slot", "flat:6", "G0 X-10 Y10.03 Z25\nG0 Z16\nG1 X30\n", 480.0),
+        ("scaled slot", "flat:6", "G0 X-10 Y10.03 Z25\nG51 X0 Z20 P2.\nG0 Z18\nG1 X15\n", 480.0),
+        ("mirrored slot", "flat:6", "G0 X30 Y10.03 Z25\nG51.1 X10 Z20\nG0 X-10 Z24\nG1 X30\n", 480.0),
         ("turned slot", "flat:5mm", "G0 X-10 Y-10 Z16\nG1 X30 Y30\n", {
             // Between two lines at 45°, of which the corners of the block cut triangles.
             let half = 2.5 * 2f64.sqrt();
@@ -53,6 +55,19 @@ fn removed_volumes_are_those_of_closed_forms() {
         ),
         // From the side, by a head that lies down.
         ("side", "flat:6", "G0 X-5 Y10.1 Z9.8 B-90\nG1 X7\n", PI * 9.0 * 7.0),
+        // The same from the other side, in a tilted plane, and an edge that is cut off at 45°.
+        (
+            "tilted hole",
+            "flat:6",
+            "G68.2 X20 Y10.1 Z9.8 I90 J90 K0\nG53.1\nG0 X0 Y0 Z5\nG81 Z-7 R1\nG80\nG69\n",
+            PI * 9.0 * 7.0,
+        ),
+        (
+            "tilted face",
+            "flat:20",
+            "G68.2 P1 X17.03 Y0 Z20 J45\nG53.1\nG0 X2 Y-20 Z9\nZ0\nG1 Y40\n",
+            20.0 * 0.5 * 2.97 * 2.97,
+        ),
     ];
     for (name, tool, program, expected) in cases {
         let (program, out) = (dir.file("p.nc", program), dir.path("cut.brf"));
@@ -93,6 +108,12 @@ fn cl_files_subprograms_and_corrected_contours_cut_what_they_say() {
             "steps.nc",
             "T1 M6\nG0 X-10 Y10.03 Z18\nM98 P1 L2\nM30\nO1\nG91 G1 Z-2\nX40\nG0 X-40\nG90\nM99\n",
             720.0,
+        ),
+        // Two steps by a loop that calls a macro.
+        (
+            "macro.nc",
+            "T1 M6\nG0 X-10 Y10.03 Z20\n#1=18.\nWHILE [#1 GE 16] DO1\nG65 P9 Z#1\n#1=#1-2\nEND1\nM30\nO9\nG1 Z#26\nX30\nG0 X-10\nM99\n",
+            480.0,
         ),
         // A boss of 12 mm is left; the tool reaches all around it.
         ("boss.nc", "T1 M6\nG0 X1 Y-20 Z15\nG41 D4 G1 X4 Y4\nY16\nX16\nY4\nX4\nG40 G0 Y-20\n", 256.0 * 5.0),

@@ -12,8 +12,11 @@ use std::str::FromStr;
 /// Take off a part what the tools of a milling program sweep, and tell what that does to its voids
 #[derive(Args)]
 #[command(after_help = "\
-The program is G-code: G0 to G3 in the planes of G17 to G19, helices, work offsets, G43, G52, G92, rotations (G68), subprograms \
-in the same file (M97, M98 and M99, or o100 sub). Cycles drill, tap and bore: G73, G74, G76, G81 to G86, G88, G89.
+The program is G-code: G0 to G3 in the planes of G17 to G19, helices, work offsets, G43, G52, G92, rotations (G68), scales and \
+mirrors (G51, G51.1), tilted planes (G68.2). Cycles drill, tap and bore: G73, G74, G76, G81 to G86, G88, G89.
+
+Subprograms stand in the same file (M97, M98 and M99, or o100 sub). Macros have variables, [ ], IF, GOTO, WHILE and G65, or \
+o100 while and o100 if.
 
 Or it is a CL file of APT (.apt, .cls, .ncl): GOTO, GODLTA, FROM, RAPID, CIRCLE, CYCLE, CUTTER, TLDATA, LOADTL, UNITS.
 

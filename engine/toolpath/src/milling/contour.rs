@@ -1,7 +1,8 @@
 //! Contours of G41 and G42 as the reader meets them: where they begin and end, and what may stand within.
 
 use super::compensation::{Compensation, ContourMove};
-use super::reader::{Reader, Values, known};
+use super::reader::{Reader, known};
+use super::values::Values;
 use crate::error::Result;
 
 impl Reader<'_> {
@@ -42,8 +43,10 @@ impl Reader<'_> {
                 radius
             }
         };
-        let aside = if matches!(code, 410 | 411) { radius } else { -radius };
-        if self.normal != 2 || self.degrees != [0.0; 3] {
+        // A mirror changes the side.
+        let is_mirrored = self.frame.factor(0) * self.frame.factor(1) < 0.0;
+        let aside = if matches!(code, 410 | 411) != is_mirrored { radius } else { -radius };
+        if self.normal != 2 || !self.is_upright() {
             return Err(self.out.fault(text, "corrects outside of the plane of G17, which is not read"));
         }
         match &self.contour {

@@ -11,17 +11,35 @@ mod compensation;
 #[cfg(test)]
 mod compensation_tests;
 mod contour;
+mod coordinates;
 mod cycle;
+mod formula;
 mod frame;
+mod loops;
+mod macros;
+#[cfg(test)]
+mod macros_tests;
+mod motion;
 mod moves;
+mod plane;
 mod program;
 #[cfg(test)]
 mod program_tests;
 mod reader;
 mod rotation;
+mod scaling;
+#[cfg(test)]
+mod scaling_tests;
+mod statement;
 #[cfg(test)]
 mod tests;
+mod tilted;
+#[cfg(test)]
+mod tilted_tests;
 mod tool;
+mod values;
+mod variables;
+mod word_blocks;
 
 pub use moves::{Move, Program, ProgramOptions};
 pub use program::read;

@@ -1,12 +1,15 @@
 //! A program line by line: where subprograms lead, and where it ends.
 //!
 //! Three forms are followed. A file may hold several programs, each behind its O number: M98 P… L… calls one, and M99 returns.
-//! M97 P… L… calls what begins at the block with this number, N…, and M99 returns from there, too. And LinuxCNC has `o100 sub`, `o100 endsub`, `o100 return` and `o100 call`. None takes variables: loops and conditions
-//! are refused.
+//! M97 P… L… calls what begins at the block with this number, N…, and M99 returns from there, too. And LinuxCNC has `o100 sub`,
+//! `o100 endsub`, `o100 return` and `o100 call`; `word_blocks` has its loops and conditions, and `macros` those of FANUC.
 
 use super::apt;
+use super::loops::Jumps;
 use super::moves::{Moves, Program, ProgramOptions};
-use super::reader::{After, Reader};
+use super::reader::Reader;
+use super::statement::{cleaned, is_macro, may_be_macro};
+use super::variables::{LocalVariables, MacroVariables};
 use crate::error::{Error, Result};
 use crate::toolpath::gcode::words::Words;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,10 +17,10 @@ use std::path::Path;
 
 /// Subprograms within each other.
 const DEPTH_MAX: usize = 32;
-/// Lines of subprograms that are carried out, each time counted.
-const LINES_MAX: u64 = 1 << 23;
-/// What to do about what only the machine's control can compute.
-const WITHOUT_MACROS: &str = "post-process without macros and variables";
+/// Lines of subprograms, and after a jump back, that are carried out, each time counted. Tests wait for fewer.
+const LINES_MAX: u64 = if cfg!(test) { 1 << 16 } else { 1 << 23 };
+/// Most moves of a program that repeats lines.
+const REPEATED_MOVES_MAX: usize = 1 << 24;
 
 /// Reads a program: G-code, or a CL file of APT by its name or its words.
 ///
@@ -30,8 +33,17 @@ pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
     if apt::is_apt(path, &lines) {
         return apt::read(out, &lines);
     }
-    let mut flow =
-        Flow { reader: Reader::new(out), blocks: Blocks::of(&lines), lines: &lines, calls: Vec::new() };
+    let blocks = ProgramBlocks::of(&lines);
+    let jumps = Jumps::of(&lines, blocks.programs.keys().copied());
+    let mut flow = Flow {
+        reader: Reader::new(out),
+        blocks,
+        lines: &lines,
+        calls: Vec::new(),
+        jumps,
+        variables: MacroVariables::new(),
+        repeats: false,
+    };
     flow.run()?;
     flow.reader.finished()
 }
@@ -45,17 +57,17 @@ fn lines_of(bytes: &[u8]) -> Vec<&[u8]> {
 }
 
 /// A word O at the begin of a line.
-struct Block<'l> {
+pub(super) struct WordBlock<'l> {
     /// Its number without zeros in front, or its name in angle brackets, in small letters.
-    name: String,
+    pub name: String,
     /// What follows, in small letters, without comments; empty behind the number of a program.
-    keyword: String,
+    pub keyword: String,
     /// What follows that.
-    rest: &'l [u8],
+    pub rest: &'l [u8],
 }
 
-impl<'l> Block<'l> {
-    fn of(line: &'l [u8]) -> Option<Block<'l>> {
+impl<'l> WordBlock<'l> {
+    pub fn of(line: &'l [u8]) -> Option<WordBlock<'l>> {
         let after = line.strip_prefix(b"/").unwrap_or(line);
         let after = after.strip_prefix(b"O").or_else(|| after.strip_prefix(b"o"))?.trim_ascii_start();
         let length = match after.first()? {
@@ -73,34 +85,48 @@ impl<'l> Block<'l> {
         let letters = rest.iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
         // One letter alone is a word of the line, as the G of O100 G21.
         let (keyword, rest) = rest.split_at(if letters > 1 { letters } else { 0 });
-        Some(Block { name, keyword: String::from_utf8_lossy(keyword).to_lowercase(), rest })
+        Some(WordBlock { name, keyword: String::from_utf8_lossy(keyword).to_lowercase(), rest })
+    }
+}
+
+impl WordBlock<'_> {
+    /// As messages show it.
+    pub fn word(&self) -> String {
+        format!("O{} {}", self.name, self.keyword)
     }
 }
 
 /// Where programs and subprograms begin.
-struct Blocks {
+pub(super) struct ProgramBlocks {
     /// By name the lines, from 0, of O numbers and of `sub`.
     begins: BTreeMap<String, Vec<usize>>,
     /// O numbers alone.
-    programs: BTreeMap<usize, String>,
+    pub programs: BTreeMap<usize, String>,
+    /// By name the lines of loops and conditions of LinuxCNC, each with its word.
+    pub worded: BTreeMap<String, Vec<(usize, String)>>,
     /// What M98 calls.
     called: BTreeSet<String>,
     /// By the numbers that M97 calls the lines that have them.
     numbered: BTreeMap<u64, Vec<usize>>,
 }
 
-impl Blocks {
-    fn of(lines: &[&[u8]]) -> Blocks {
-        let mut blocks = Blocks {
+impl ProgramBlocks {
+    fn of(lines: &[&[u8]]) -> ProgramBlocks {
+        let mut blocks = ProgramBlocks {
             begins: BTreeMap::new(),
             programs: BTreeMap::new(),
+            worded: BTreeMap::new(),
             called: BTreeSet::new(),
             numbered: BTreeMap::new(),
         };
         for (at, line) in lines.iter().enumerate() {
-            if let Some(block) = Block::of(line) {
+            if let Some(block) = WordBlock::of(line) {
                 if block.keyword.is_empty() {
                     blocks.programs.insert(at, block.name.clone());
+                }
+                if !matches!(block.keyword.as_str(), "" | "sub" | "call") {
+                    let worded = blocks.worded.entry(block.name.clone()).or_default();
+                    worded.push((at, block.keyword.clone()));
                 }
                 if matches!(block.keyword.as_str(), "" | "sub") {
                     blocks.begins.entry(block.name).or_default().push(at);
@@ -127,7 +153,7 @@ impl Blocks {
     }
 
     /// The name that a P stands for, and how often: with more than four digits the first ones tell that.
-    fn number(&self, p: u64) -> (String, u64) {
+    pub fn number(&self, p: u64) -> (String, u64) {
         let whole = p.to_string();
         if p <= 9999 || self.begins.contains_key(&whole) {
             (whole, 1)
@@ -137,13 +163,15 @@ impl Blocks {
     }
 }
 
-/// M97 or M98 in a line, with its P.
+/// M97, M98 or G65 in a line, with its P.
 fn called(line: &[u8]) -> Option<(u64, u64)> {
     let (mut call, mut number) = (None, None);
     let mut words = Words::new(line);
     while let Some(Ok(word)) = words.next() {
         match (word.letter, word.value) {
             (b'M', Some(code)) if code == 97.0 || code == 98.0 => call = Some(code as u64),
+            // A macro call is one of a subprogram.
+            (b'G', Some(65.0)) => call = Some(98),
             (b'P', Some(p)) if p >= 0.0 => number = Some(p as u64),
             _ => {}
         }
@@ -161,7 +189,7 @@ fn block_number(line: &[u8]) -> Option<u64> {
 }
 
 /// A call that is being carried out.
-struct Call {
+pub(super) struct Call {
     /// With the letter in front: O for subprograms, N for blocks.
     name: String,
     /// Line of its begin, and the one to go on with after it.
@@ -169,13 +197,19 @@ struct Call {
     back: usize,
     /// How often it is still to be carried out, this time included.
     left: u64,
+    /// Whether it has variables of its own.
+    pub has_locals: bool,
 }
 
-struct Flow<'a, 'l> {
-    reader: Reader<'a>,
-    blocks: Blocks,
-    lines: &'l [&'l [u8]],
-    calls: Vec<Call>,
+pub(super) struct Flow<'a, 'l> {
+    pub reader: Reader<'a>,
+    pub blocks: ProgramBlocks,
+    pub lines: &'l [&'l [u8]],
+    pub calls: Vec<Call>,
+    pub jumps: Jumps,
+    pub variables: MacroVariables,
+    /// Whether a line has led back to one before it.
+    pub repeats: bool,
 }
 
 impl Flow<'_, '_> {
@@ -183,13 +217,19 @@ impl Flow<'_, '_> {
         let mut at = 0;
         let mut count = 0;
         while at < self.lines.len() {
-            count += u64::from(!self.calls.is_empty());
+            count += u64::from(self.repeats || !self.calls.is_empty());
             self.reader.out.line = at as u64 + 1;
-            if count > LINES_MAX {
-                return Err(self.reader.out.fault(b"M98", "repeats more lines than can be followed"));
+            let is_long = count > 0 && self.reader.out.program.moves.len() > REPEATED_MOVES_MAX;
+            if count > LINES_MAX || is_long {
+                if !self.repeats {
+                    return Err(self.reader.out.fault(b"M98", "repeats more lines than can be followed"));
+                }
+                let shown = &self.lines[at][..self.lines[at].len().min(60)];
+                let what = "stands in what repeats more lines, or moves, than can be followed";
+                return Err(self.reader.out.fault(shown, what));
             }
             let line = self.lines[at];
-            let next = match Block::of(line) {
+            let next = match WordBlock::of(line) {
                 Some(block) if !block.keyword.is_empty() => Some(self.block(at, &block)?),
                 block => {
                     if let Some(block) = block {
@@ -212,26 +252,22 @@ impl Flow<'_, '_> {
 
     /// A line that is no block's begin or end: the line to go on with, or `None` at the program's end.
     fn line(&mut self, at: usize, line: &[u8]) -> Result<Option<usize>> {
-        match self.reader.read_line(line)? {
-            After::Next => Ok(Some(at + 1)),
-            After::End => Ok(None),
-            After::Return => match self.calls.is_empty() {
-                false => Ok(Some(self.end())),
-                // A main program that begins anew for the next part.
-                true => self.main_end(at).map(|()| None),
-            },
-            After::Call { number, repeats } => {
-                let (name, times) = self.blocks.number(number);
-                Ok(Some(self.call(at, name, repeats.unwrap_or(times), b"M98")?))
-            }
-            After::CallBlock { number, repeats } => {
-                Ok(Some(self.call_block(at, number, repeats.unwrap_or(1))?))
+        if may_be_macro(line) {
+            let clean = cleaned(line);
+            if is_macro(&clean) {
+                return self.macro_line(at, line, &clean);
             }
         }
+        if let Some(next) = self.macro_call(at, line)? {
+            self.reader.read_comments(line);
+            return Ok(Some(next));
+        }
+        let after = self.reader.read_line(line)?;
+        self.go_on(at, after)
     }
 
     /// M99 outside of subprograms ends the program if what follows are the subprograms.
-    fn main_end(&self, at: usize) -> Result<()> {
+    pub(super) fn main_end(&self, at: usize) -> Result<()> {
         match self.blocks.programs.range(at..).find(|(_, name)| !self.blocks.called.contains(*name)) {
             Some((_, name)) => Err(self.reader.out.refused(
                 b"M99",
@@ -243,7 +279,7 @@ impl Flow<'_, '_> {
     }
 
     /// An O number at which the program arrives line by line.
-    fn enter(&self, at: usize, block: &Block<'_>) -> Result<()> {
+    fn enter(&self, at: usize, block: &WordBlock<'_>) -> Result<()> {
         let word = format!("O{}", block.name);
         match self.calls.last() {
             Some(call) if call.begin == at => Ok(()),
@@ -261,14 +297,15 @@ impl Flow<'_, '_> {
     }
 
     /// A block of LinuxCNC: the line to go on with.
-    fn block(&mut self, at: usize, block: &Block<'_>) -> Result<usize> {
-        let word = format!("O{} {}", block.name, block.keyword);
+    fn block(&mut self, at: usize, block: &WordBlock<'_>) -> Result<usize> {
+        let word = block.word();
         let out = &self.reader.out;
         match block.keyword.as_str() {
             "sub" if self.calls.last().is_some_and(|call| call.begin == at) => Ok(at + 1),
             "sub" => {
                 let ends = |line: &&[u8]| {
-                    Block::of(line).is_some_and(|other| other.keyword == "endsub" && other.name == block.name)
+                    WordBlock::of(line)
+                        .is_some_and(|other| other.keyword == "endsub" && other.name == block.name)
                 };
                 let end = self.lines[at..].iter().position(ends);
                 let length = end.ok_or_else(|| out.fault(word.as_bytes(), "has no endsub"))?;
@@ -279,24 +316,22 @@ impl Flow<'_, '_> {
                 _ => Err(out.fault(word.as_bytes(), "ends a subprogram that has not begun")),
             },
             "call" => {
-                if Words::new(block.rest).rest().first().is_some_and(|byte| *byte != b';') {
-                    return Err(out.refused(
-                        word.as_bytes(),
-                        "passes values, which are not read",
-                        WITHOUT_MACROS,
-                    ));
-                }
-                self.call(at, block.name.clone(), 1, word.as_bytes())
+                let locals = self.passed(block.rest, word.as_bytes())?;
+                self.call(at, block.name.clone(), 1, word.as_bytes(), Some(locals))
             }
-            _ => Err(out.refused(
-                word.as_bytes(),
-                "is a loop or a condition, which is not read",
-                WITHOUT_MACROS,
-            )),
+            _ => self.word_block(at, block),
         }
     }
 
-    fn call(&mut self, at: usize, name: String, times: u64, word: &[u8]) -> Result<usize> {
+    /// A subprogram by its name, with variables of its own or those of what calls it.
+    pub(super) fn call(
+        &mut self,
+        at: usize,
+        name: String,
+        times: u64,
+        word: &[u8],
+        locals: Option<LocalVariables>,
+    ) -> Result<usize> {
         let out = &self.reader.out;
         let begin = match self.blocks.begins.get(&name).map(Vec::as_slice) {
             Some([begin]) => *begin,
@@ -314,11 +349,17 @@ impl Flow<'_, '_> {
         {
             return Err(out.fault(word, &format!("calls O{name} within itself, which has no end")));
         }
-        self.begin_call(at, Call { name: format!("O{name}"), begin, back: at + 1, left: times }, word)
+        let has_locals = locals.is_some();
+        let call = Call { name: format!("O{name}"), begin, back: at + 1, left: times, has_locals };
+        let begin = self.begin_call(at, call, word)?;
+        if let Some(locals) = locals {
+            self.variables.begin(locals);
+        }
+        Ok(begin)
     }
 
     /// M97: what begins at a block with this number.
-    fn call_block(&mut self, at: usize, number: u64, times: u64) -> Result<usize> {
+    pub(super) fn call_block(&mut self, at: usize, number: u64, times: u64) -> Result<usize> {
         let out = &self.reader.out;
         let name = format!("N{number}");
         let begin = match self.blocks.numbered.get(&number).map_or(&[][..], Vec::as_slice) {
@@ -329,7 +370,7 @@ impl Flow<'_, '_> {
         if begin == at || self.calls.iter().any(|call| call.name == name) {
             return Err(out.fault(b"M97", &format!("calls {name} within itself, which has no end")));
         }
-        self.begin_call(at, Call { name, begin, back: at + 1, left: times }, b"M97")
+        self.begin_call(at, Call { name, begin, back: at + 1, left: times, has_locals: false }, b"M97")
     }
 
     fn begin_call(&mut self, at: usize, call: Call, word: &[u8]) -> Result<usize> {
@@ -346,14 +387,16 @@ impl Flow<'_, '_> {
     }
 
     /// The end of the innermost call: the line to go on with.
-    fn end(&mut self) -> usize {
+    pub(super) fn end(&mut self) -> usize {
         let Some(call) = self.calls.last_mut() else { return self.lines.len() };
         call.left -= 1;
         if call.left > 0 {
             return call.begin;
         }
         let back = call.back;
-        self.calls.pop();
+        if let Some(call) = self.calls.pop() {
+            self.end_locals(&call);
+        }
         back
     }
 }

@@ -53,10 +53,8 @@ fn calls_that_cannot_be_followed_are_told() {
         ("G0 X0 Y0 Z0\nM97\n", ["line 2", "a whole number"]),
         ("G0 X0 Y0 Z0\nM96 P10\n", ["line 2", "is not read"]),
         ("G0 X0 Y0 Z0\nM98 P1\nM30\nO1\nM99 P30\n", ["line 5", "by its number"]),
-        ("G0 X0 Y0 Z0\nG65 P1 A3\n", ["line 2", "post-process without macros"]),
-        ("G0 X0 Y0 Z0\n#1=5\n", ["line 2", "#1=5"]),
-        ("o1 sub\no1 endsub\nG0 X0 Y0 Z0\no1 call [3]\n", ["line 4", "passes values"]),
-        ("G0 X0 Y0 Z0\no1 while [#1 lt 5]\no1 endwhile\n", ["line 2", "a loop or a condition"]),
+        ("G0 X0 Y0 Z0\nG65 P1 A3.\n", ["line 2", "calls O1, which the file has not"]),
+        ("G0 X0 Y0 Z0\no1 repeat [5]\no1 endrepeat\n", ["line 2", "a loop or a condition"]),
         ("o1 sub\nG0 X0 Y0 Z0\n", ["line 1", "has no endsub"]),
         ("o1 endsub\nG0 X0 Y0 Z0\n", ["line 1", "has not begun"]),
     ] {
@@ -85,7 +83,11 @@ fn damaged_programs_are_read_or_told_in_one_line() {
         ),
         (
             "p.ngc",
-            "o<a> sub\nG91 G1 X1\nG90\no<a> endsub\nG10 L2 P1 X3\nG0 X0 Y0 Z1 B5\no<a> call\nG3 X0 Y1 R4\nM2\n",
+            "o<a> sub\nG91 G1 X1\nG90\no<a> endsub\n#7=1\no2 while [#7 LT 3]\n#7=[#7+1]\no3 if [#7 EQ 9]\no2 break\no3 endif\no2 endwhile\nG10 L2 P1 X3\nG0 X0 Y0 Z1 B5\no<a> call\nG3 X0 Y1 R4\nM2\n",
+        ),
+        (
+            "m.nc",
+            "O1\nG0 X0 Y0 Z5\n#1=0\nWHILE [#1 LT 3] DO1\n#2=4*COS[#1*90]\nG1 X#2 Y[4*SIN[#1*90]] F90\nIF [#2 EQ #0] GOTO 9\n#1=#1+1\nEND1\nG65 P7 X5. H2\nN9 G51 X0 Y0 P1.5\nG51.1 X3\nG2 X8 I2\nG50\nG68.2 X1 Y2 Z3 I10 J20 K30\nG53.1\nG0 X0 Y0 Z0\nG1 Z-1\nG69\nM30\nO7\nG1 X#24\n#11=#11-1\nIF [#11 GT 0] GOTO 3\nM99\nN3 Z1\nM99\n",
         ),
         (
             "p.cls",

@@ -1,7 +1,8 @@
 //! Rotations of G68 as the reader meets them: what they turn about, and what may stand within.
 
 use super::frame::is_far;
-use super::reader::{Reader, Values};
+use super::reader::Reader;
+use super::values::Values;
 use crate::error::Result;
 
 impl Reader<'_> {
@@ -10,6 +11,14 @@ impl Reader<'_> {
         let Some(degrees) = values.get(b'R') else {
             return Err(self.out.fault(text, "has no R, the angle in degrees"));
         };
+        if values.any(b"ZIJK") {
+            let what = "turns about an axis in space, which is not read";
+            return Err(self.out.refused(text, what, "give the tilted plane by G68.2"));
+        }
+        if self.frame.factor(0) < 0.0 || self.frame.factor(1) < 0.0 {
+            let what = "turns what is mirrored, where controls take the angle in different ways";
+            return Err(self.out.refused(text, what, "end the mirror before by G50 or G50.1"));
+        }
         if self.normal != 2 || self.relative {
             return Err(self
                 .out
@@ -17,7 +26,8 @@ impl Reader<'_> {
         }
         let mut centre = [0.0; 2];
         for (a, letter) in b"XY".iter().enumerate() {
-            let told = values.get(*letter).map(|value| value * self.unit + self.frame.origin(a));
+            let told = values.get(*letter);
+            let told = told.map(|value| self.frame.scaled(a, value * self.unit + self.frame.origin(a)));
             let Some(place) = told.or(self.at[a]) else {
                 return Err(self.out.fault(text, "turns about a place that the program does not tell"));
             };
@@ -30,15 +40,64 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Within a rotation other planes, and what moves its zero, are not read.
-    pub(super) fn require_outside_rotation(&self, codes: &[(i64, &[u8])]) -> Result<()> {
-        let is_wrong = |code: i64| matches!(code, 180 | 190 | 520..=530 | 540..=593 | 680 | 920..=922 | 100);
-        match codes.iter().find(|(code, _)| self.frame.is_turned() && is_wrong(*code)) {
-            Some((_, text)) => {
-                let what = "stands within a rotation, where it is not read";
-                Err(self.out.refused(text, what, "end the rotation before by G69"))
+    /// Within mirrors, scales, rotations and tilted planes what moves their zero is not read.
+    pub(super) fn require_right_frame(&self, codes: &[(i64, &[u8])]) -> Result<()> {
+        let frame = &self.frame;
+        let (is_scaled, is_mirrored) = (frame.is_scaled(), frame.is_mirrored());
+        // What stands within ends first: mirror, scale, rotation, in this order from outside.
+        let moves_zero = |code: i64| match code {
+            100 | 520 | 540..=593 | 920..=922 | 1540 => true,
+            500 => is_scaled && frame.is_turned(),
+            501 => is_mirrored && (is_scaled || frame.is_turned()),
+            _ => false,
+        };
+        let in_space = |code: i64| matches!(code, 682..=684);
+        type Rule<'a> = (bool, &'a dyn Fn(i64) -> bool, &'a str, &'a str);
+        let rules: [Rule<'_>; 5] = [
+            (
+                frame.is_turned(),
+                &|code| {
+                    in_space(code)
+                        || moves_zero(code)
+                        || matches!(code, 180 | 190 | 510 | 511 | 530..=536 | 680)
+                },
+                "stands within a rotation, where it is not read",
+                "end the rotation before by G69",
+            ),
+            (
+                is_scaled,
+                &|code| in_space(code) || moves_zero(code) || matches!(code, 510 | 511 | 530),
+                "stands within a scale, where it is not read",
+                "end the scale before by G50",
+            ),
+            (
+                is_mirrored,
+                &|code| in_space(code) || moves_zero(code) || code == 530,
+                "stands within a mirror, where it is not read",
+                "end the mirror before by G50.1",
+            ),
+            (
+                frame.plane.is_some(),
+                &|code| moves_zero(code) || matches!(code, 510 | 511 | 680 | 682),
+                "stands within a tilted plane, where it is not read",
+                "end the plane before by G69",
+            ),
+            (
+                self.cycle.on,
+                &|code| {
+                    in_space(code)
+                        || matches!(code, 510 | 511 | 531 | 536)
+                        || (code == 690 && frame.plane.is_some())
+                },
+                "stands within a drilling cycle, where it is not read",
+                "end the cycle before by G80",
+            ),
+        ];
+        for (counts, is_wrong, what, remedy) in rules {
+            if let Some((_, text)) = codes.iter().find(|(code, _)| counts && is_wrong(*code)) {
+                return Err(self.out.refused(text, what, remedy));
             }
-            None => Ok(()),
         }
+        Ok(())
     }
 }

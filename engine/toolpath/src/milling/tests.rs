@@ -198,11 +198,31 @@ fn what_cannot_be_followed_names_line_and_word() {
         ("G0 X0 Y0 Z0\nG2 X5 R1\n", ["line 2", "too short"]),
         ("G0 X0 Y0 Z0\nG1 X1 X2\n", ["line 2", "twice"]),
         ("G0 X0 Y0 Z0\nG81 X1 Z-3\n", ["line 2", "has no R"]),
-        ("G0 X0 Y0 Z0\nG1 X#5\n", ["line 2", "X#5"]),
+        ("G0 X0 Y0 Z0\nG1 X#500\n", ["line 2", "X#500"]),
         ("(nothing)\n", ["end", "has no moves"]),
     ] {
         is_refused("p.nc", text, &words);
     }
+}
+
+#[test]
+fn further_offsets_and_smoothing_are_read() {
+    assert_eq!(
+        ends(
+            "G05.1 Q1 R5\nG05 P10000\nG08 P1\nG187 P2\nG0 X0 Y0 Z0\nG54.1 P3 X5\nG10 L2 P0 X100\nX5\nG154 P3 X6\nG54.1 P3 X7\nG52 X1\nX7\n"
+        ),
+        [
+            "R[5.0, 0.0, 0.0]",
+            "R[105.0, 0.0, 0.0]",
+            "R[6.0, 0.0, 0.0]",
+            "R[107.0, 0.0, 0.0]",
+            "R[108.0, 0.0, 0.0]"
+        ]
+    );
+    is_refused("p.nc", "G0 X0 Y0 Z0\nG54.1 X5\n", &["line 2", "needs P"]);
+    is_refused("p.nc", "G0 X0 Y0 Z0\nG154 P100 X5\n", &["line 2", "from 1 to 99"]);
+    is_refused("p.nc", "G0 X0 Y0 Z0\nG5.1 X5 Y5 I1 J2\n", &["line 2", "is not read"]);
+    is_refused("p.nc", "G0 X0 Y0 Z0\nG68.2 I5\nG54.1 P1\n", &["line 3", "G69"]);
 }
 
 #[test]
@@ -254,7 +274,6 @@ fn rotations_that_cannot_be_followed_are_told() {
         ("G0 X0 Y0 Z0\nG68 R5\nG68 R6\n", ["line 3", "G69"]),
         ("G0 X0 Y0 Z0\nG68 R5\nG18\n", ["line 3", "G69"]),
         ("G0 Z0\nG68 X0 Y0 R5\nG1 X5\n", ["line 3", "does not tell"]),
-        ("G0 X0 Y0 Z0\nG68.2 X0 Y0 Z0 I1 J2 K3\n", ["line 2", "is not read"]),
     ] {
         is_refused("p.nc", text, &words);
     }

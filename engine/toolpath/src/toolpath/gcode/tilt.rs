@@ -10,7 +10,7 @@ pub(crate) fn axis(degrees: [f64; 3]) -> [f64; 3] {
 
 /// Sine and cosine of an angle in degrees by their series, within 1e-15. No platform's library is asked, so
 /// that the same file gives the same bits everywhere; multiples of 90 degrees are exact.
-fn sine_and_cosine(degrees: f64) -> (f64, f64) {
+pub(crate) fn sine_and_cosine(degrees: f64) -> (f64, f64) {
     let turned = degrees % 360.0;
     let quarters = (turned / 90.0).round();
     let x = (turned - 90.0 * quarters) * (std::f64::consts::PI / 180.0);
