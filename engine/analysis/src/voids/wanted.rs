@@ -27,6 +27,18 @@ impl<'a> WantedVoids<'a> {
         self.labelling.in_leaf(leaf).flatten().any(|component| self.wanted[component])
     }
 
+    /// Whether a component is wanted.
+    pub fn is_wanted(&self, component: usize) -> bool {
+        self.wanted[component]
+    }
+
+    /// The wanted component of which parts lie in a leaf, if it is the only one.
+    pub fn only_in(&self, leaf: usize) -> Option<usize> {
+        let mut wanted = self.labelling.in_leaf(leaf).flatten().filter(|component| self.wanted[*component]);
+        let first = wanted.next()?;
+        wanted.all(|other| other == first).then_some(first)
+    }
+
     /// Whether each of the leaf's components belongs to a wanted one.
     fn kept(&self, leaf: usize) -> Vec<bool> {
         self.labelling.in_leaf(leaf).map(|component| component.is_some_and(|c| self.wanted[c])).collect()
