@@ -77,17 +77,18 @@ pub(super) fn boundaries(
             Some(tracer) if has_void(number) || pores.is_some() => Some(tracer.segments(leaf.key)?),
             _ => None,
         };
-        each_crossing(leaf.key, leaf.brick, |crossing| {
-            let mut outer = crossing.low;
-            outer[crossing.axis.index()] += usize::from(crossing.low_is_inside);
+        let pick = |outer| {
             let label = (number, components.at(outer));
             let component = component_at(labelling, pores, label, || place_of(leaf.key, outer));
-            if component.is_some_and(|c| c < labelling.components.len() && !is_void(c)) {
-                return;
-            }
-            let (points, is_kept) =
-                if component.is_some() { (&mut voids, room.voids) } else { (&mut outer_surface, room.outer) };
-            if is_kept {
+            let is_wanted = match component {
+                Some(component) => component >= labelling.components.len() || is_void(component),
+                None => room.outer,
+            };
+            is_wanted.then_some(component)
+        };
+        each_crossing(leaf.key, leaf.brick, pick, |component, crossing| {
+            let points = if component.is_some() { &mut voids } else { &mut outer_surface };
+            if component.is_none() || room.voids {
                 points.push(Point {
                     at: crossing.at.map(|c| c as f32),
                     normal: crossing.normal.map(|c| c as f32),

@@ -2,6 +2,7 @@
 
 use crate::brick::{Brick, SignChanges, along_row};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use crate::wide::{dispatch, level};
 
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
@@ -75,6 +76,11 @@ impl Components {
 
     /// From the bits that tell inside from outside.
     pub fn of_signs(signs: &SignChanges, connectivity: Connectivity) -> Components {
+        dispatch!(level(), _simd => Components::of_rows(signs, connectivity))
+    }
+
+    #[inline(always)]
+    fn of_rows(signs: &SignChanges, connectivity: Connectivity) -> Components {
         let bits: Vec<u64> = (0..ROWS).map(|row| signs.row(row % BRICK_POINTS, row / BRICK_POINTS)).collect();
         let count = bits.iter().map(|bits| along_row(*bits).count_ones() as usize + 1).sum();
         let mut rows = Vec::with_capacity(ROWS + 1);
@@ -166,6 +172,7 @@ fn is_solid(run: &Run) -> bool {
 }
 
 /// The runs of a row of inside bits, with their class in the place of a label.
+#[inline(always)]
 fn push_runs(bits: u64, runs: &mut Vec<Run>) {
     let (mut changes, mut from) = (along_row(bits), 0);
     loop {
@@ -192,17 +199,20 @@ struct RowJoiner<'a> {
 
 impl RowJoiner<'_> {
     /// The samples of a row that touch others of their class across edges and corners.
+    #[inline(always)]
     fn wide(&self, row: usize) -> u64 {
         if self.solid_is_wide { self.bits[row] } else { !self.bits[row] & ALL }
     }
 
     /// The run of a sample.
+    #[inline(always)]
     fn run(&self, row: usize, i: u32) -> u32 {
         let before = along_row(self.bits[row]) & ((1 << i) - 1);
         self.first[row] + before.count_ones()
     }
 
     /// Joins at each of some samples of a row that of another row so many steps beside.
+    #[inline(always)]
     fn unite(&mut self, (row, other): (usize, usize), mut at: u64, step: i32) {
         while at != 0 {
             let i = at.trailing_zeros();
@@ -214,6 +224,7 @@ impl RowJoiner<'_> {
 
     /// Joins two rows across their common face. Those `back` before either have been joined to them and to each other, so where
     /// all four samples are alike nothing is left to do.
+    #[inline(always)]
     fn beside(&mut self, row: usize, other: usize, back: Option<usize>) {
         let (own, theirs) = (self.bits[row], self.bits[other]);
         let alike = !(own ^ theirs) & ALL;
@@ -227,6 +238,7 @@ impl RowJoiner<'_> {
     }
 
     /// Joins two rows that have but an edge in common. What one of the two rows between them joins is left out.
+    #[inline(always)]
     fn across(&mut self, row: usize, other: usize, between: [usize; 2]) {
         let between = self.wide(between[0]) | self.wide(between[1]);
         self.unite((row, other), self.wide(row) & self.wide(other) & !between, 0);
@@ -234,6 +246,7 @@ impl RowJoiner<'_> {
     }
 
     /// Joins samples that lie askew, unless one straight beside either joins them, or one of the samples `between` the rows.
+    #[inline(always)]
     fn askew(&mut self, (row, other): (usize, usize), between: u64) {
         let (own, theirs) = (self.wide(row), self.wide(other));
         let (own, theirs) = (own & !theirs & !between, theirs & !own & !between);
@@ -243,6 +256,7 @@ impl RowJoiner<'_> {
 }
 
 /// The first of the runs that hang together with one.
+#[inline(always)]
 fn first(parents: &mut [u32], mut run: u32) -> u32 {
     while parents[run as usize] != run {
         let above = parents[parents[run as usize] as usize];
@@ -252,12 +266,14 @@ fn first(parents: &mut [u32], mut run: u32) -> u32 {
     run
 }
 
+#[inline(always)]
 fn unite(parents: &mut [u32], a: u32, b: u32) {
     let (a, b) = (first(parents, a), first(parents, b));
     parents[a.max(b) as usize] = a.min(b);
 }
 
 /// Numbers components by their first runs.
+#[inline(always)]
 fn number(rows: Box<[u32]>, mut runs: Vec<Run>, parents: &mut [u32]) -> Components {
     let mut solid = Vec::new();
     // A component's first run comes before its others, so its number is known by then.

@@ -6,6 +6,7 @@
 use super::components::Components;
 use crate::brick::{Brick, Hermite, HermiteEdge, SignChanges};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
+use crate::wide::{dispatch, level};
 
 /// log₂ of the steps of a lattice edge in which crossings are told.
 const STEP_BITS: u32 = 16;
@@ -107,6 +108,7 @@ impl Local {
     }
 
     /// A chord along x from one place to another, on the line through a sample.
+    #[inline(always)]
     fn chord_along_x(&mut self, from: i64, to: i64, [j, k]: [usize; 2]) {
         let (length, line) = (to - from, [j, k].map(|at| (at as i64) << STEP_BITS));
         self.lengths[0] += length;
@@ -118,6 +120,7 @@ impl Local {
 
     /// The edges along y and z from samples of a row of which the first and the last stand at these places along x, all of them
     /// as if they were not crossed.
+    #[inline(always)]
     fn whole_edges(&mut self, from: i64, last: i64, [j, k]: [usize; 2]) {
         let many = last - from + 1;
         let (length, [y, z]) = (many * EDGE, [j, k].map(|at| (at as i64) << STEP_BITS));
@@ -131,6 +134,7 @@ impl Local {
     }
 
     /// Adds the upper part of a crossed edge along an axis, from the crossing on, or takes it away.
+    #[inline(always)]
     fn part(&mut self, axis: usize, sign: i64, (crossing, upper): (i64, i64), line: [i64; 3]) {
         let length = sign * (upper - crossing);
         self.lengths[axis] += length;
@@ -140,6 +144,7 @@ impl Local {
     }
 
     /// Extends the box.
+    #[inline(always)]
     fn reach(&mut self, low: [i64; 3], high: [i64; 3]) {
         for a in 0..3 {
             self.low[a] = self.low[a].min(low[a]);
@@ -181,9 +186,15 @@ pub(super) fn sums_of(
     let (Some(signs), Brick::Counts { hermite, .. }) = (signs, brick) else {
         return vec![of_uniform().placed(key)];
     };
-    let mut locals = vec![Local::new(); components.len()];
     let is_complete = hermite.edges.each_ref().map(Vec::len) == signs.counts();
     let hermite = is_complete.then_some(hermite);
+    let locals = dispatch!(level(), _simd => locals_of(components, signs, hermite));
+    locals.iter().map(|local| local.placed(key)).collect()
+}
+
+#[inline(always)]
+fn locals_of(components: &Components, signs: &SignChanges, hermite: Option<&Hermite>) -> Vec<Local> {
+    let mut locals = vec![Local::new(); components.len()];
     along_x(components, hermite, &mut locals);
     for axis in [Axis::Y, Axis::Z] {
         across(axis, signs, components, hermite, &mut locals);
@@ -191,7 +202,7 @@ pub(super) fn sums_of(
     for (j, k) in (0..BRICK_CELLS).flat_map(|k| (0..BRICK_CELLS).map(move |j| (j, k))) {
         own_row(signs, components, (j, k), &mut locals);
     }
-    locals.iter().map(|local| local.placed(key)).collect()
+    locals
 }
 
 fn of_uniform() -> Local {
@@ -219,6 +230,7 @@ impl Offsets<'_> {
         Offsets(hermite.map(|hermite| &hermite.edges[axis.index()][..]))
     }
 
+    #[inline(always)]
     fn next(&mut self) -> i64 {
         let Some((edge, rest)) = self.0.and_then(|edges| edges.split_first()) else {
             return i64::from(MIDDLE);
@@ -227,6 +239,7 @@ impl Offsets<'_> {
         i64::from(edge.offset)
     }
 
+    #[inline(always)]
     fn skip(&mut self, count: usize) {
         self.0 = self.0.map(|edges| &edges[count.min(edges.len())..]);
     }
@@ -238,6 +251,7 @@ impl Offsets<'_> {
 }
 
 /// Chords along x: each run from its crossing to the next.
+#[inline(always)]
 fn along_x(components: &Components, hermite: Option<&Hermite>, locals: &mut [Local]) {
     let mut offsets = Offsets::of(hermite, Axis::X);
     for (j, k) in (0..BRICK_POINTS).flat_map(|k| (0..BRICK_POINTS).map(move |j| (j, k))) {
@@ -262,6 +276,7 @@ fn along_x(components: &Components, hermite: Option<&Hermite>, locals: &mut [Loc
 }
 
 /// What crossed edges along y or z have other than whole ones: their upper part belongs to the sample there, not to the lower one.
+#[inline(always)]
 fn across(
     axis: Axis,
     signs: &SignChanges,
@@ -308,6 +323,7 @@ fn across(
 }
 
 /// Samples, whole edges along y and z, and the Euler number, of a row of samples that the leaf owns.
+#[inline(always)]
 fn own_row(signs: &SignChanges, components: &Components, (j, k): (usize, usize), locals: &mut [Local]) {
     let rows = [(j, k), (j + 1, k), (j, k + 1), (j + 1, k + 1)].map(|(j, k)| signs.row(j, k));
     let euler = [EulerBits::of(rows.map(|row| !row & ALL)), EulerBits::of(rows)];
@@ -339,6 +355,7 @@ struct EulerBits {
 
 impl EulerBits {
     /// Of a class in a row, in those beside it along y and z, and in the one across.
+    #[inline(always)]
     fn of([here, y, z, yz]: [u64; 4]) -> EulerBits {
         let along = |bits: u64| bits & bits >> 1;
         let (y, z, yz) = (here & y, here & z, here & y & z & yz);
@@ -346,6 +363,7 @@ impl EulerBits {
     }
 
     /// What some samples add to the Euler number.
+    #[inline(always)]
     fn count(&self, own: u64) -> i64 {
         let ones = |all: &[u64; 4]| all.iter().map(|bits| i64::from((bits & own).count_ones())).sum::<i64>();
         ones(&self.plus) - ones(&self.minus)

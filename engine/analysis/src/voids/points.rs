@@ -155,11 +155,11 @@ fn arrange(points: &mut [Point], nodes: &mut [PointNode]) {
     if count <= LEAF_POINTS {
         return;
     }
-    let axis = node.longest_axis();
-    points.select_nth_unstable_by(middle, |a, b| {
-        let along = |axis: usize| a.at[axis].total_cmp(&b.at[axis]);
-        along(axis).then_with(|| along(0).then(along(1)).then(along(2)))
-    });
+    match node.longest_axis() {
+        0 => halve::<0>(points, middle),
+        1 => halve::<1>(points, middle),
+        _ => halve::<2>(points, middle),
+    }
     let lower = nodes_of(middle);
     node.lower = lower as u32;
     let ((low, high), (low_nodes, high_nodes)) = (points.split_at_mut(middle), below.split_at_mut(lower));
@@ -169,6 +169,14 @@ fn arrange(points: &mut [Point], nodes: &mut [PointNode]) {
     } else {
         rayon::join(|| arrange(low, low_nodes), || arrange(high, high_nodes));
     }
+}
+
+/// Brings the lower points along an axis before the middle.
+fn halve<const AXIS: usize>(points: &mut [Point], middle: usize) {
+    points.select_nth_unstable_by(middle, |a, b| {
+        let along = |axis: usize| a.at[axis].total_cmp(&b.at[axis]);
+        along(AXIS).then_with(|| along(0).then_with(|| along(1)).then_with(|| along(2)))
+    });
 }
 
 /// The points and the nodes of a part of the tree.

@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::lattice::{NodeKey, RootCube, cross, dot, minus, mix};
 use crate::progress::Progress;
 use crate::store::{BrickTree, MovedTree};
+use crate::wide::{dispatch, level};
 use std::collections::BTreeMap;
 
 /// Directions in which the farthest vertices of a void are kept, to find the smallest ball around it.
@@ -99,6 +100,11 @@ impl VoidSurface {
 
     /// Takes vertices into the box and among the farthest; of equally far ones the first in Morton order stays.
     fn vertices(&mut self, vertices: &[[f32; 3]], directions: &Directions) {
+        dispatch!(level(), _simd => self.vertices_with(vertices, directions));
+    }
+
+    #[inline(always)]
+    fn vertices_with(&mut self, vertices: &[[f32; 3]], directions: &Directions) {
         let Some(&first) = vertices.first() else { return };
         let farthest = self.farthest.get_or_insert_with(|| Box::new([first; DIRECTIONS]));
         let mut far: [f64; DIRECTIONS] =
@@ -109,12 +115,18 @@ impl VoidSurface {
                 self.bounds[0][a] = self.bounds[0][a].min(place);
                 self.bounds[1][a] = self.bounds[1][a].max(place);
             }
-            let here = along_all(place, directions);
-            if here.iter().zip(&far).any(|(here, far)| here > far) {
-                for ((here, far), own) in here.into_iter().zip(&mut far).zip(farthest.iter_mut()) {
-                    if here > *far {
-                        (*own, *far) = (at, here);
-                    }
+            let (mut here, mut farther) = ([0.0; DIRECTIONS], 0);
+            for n in 0..DIRECTIONS {
+                let [x, y, z] = [directions[0][n], directions[1][n], directions[2][n]];
+                here[n] = place[0] * x + place[1] * y + place[2] * z;
+                farther |= u64::from(here[n] > far[n]);
+            }
+            if farther == 0 {
+                continue;
+            }
+            for n in 0..DIRECTIONS {
+                if here[n] > far[n] {
+                    (farthest[n], far[n]) = (at, here[n]);
                 }
             }
         }
@@ -150,12 +162,6 @@ impl VoidSurface {
     }
 }
 
-/// How far a place lies in each of the directions.
-#[inline]
-fn along_all(at: [f64; 3], directions: &Directions) -> [f64; DIRECTIONS] {
-    std::array::from_fn(|n| at[0] * directions[0][n] + at[1] * directions[1][n] + at[2] * directions[2][n])
-}
-
 /// The surfaces of the components that `centre` gives a point to measure from, in the world. Calls `each` with a component and
 /// its surface as soon as that is complete; no surface is kept longer.
 ///
@@ -174,13 +180,15 @@ pub(super) fn surfaces(
     let tree = &MovedTree::new(tree, origin);
     let directions = directions();
     let wanted = (0..labelling.components.len()).map(|component| centre(component).is_some()).collect();
-    let voids = WantedVoids::new(tree, labelling, wanted);
+    // A part of the memory is for labels of leaves that wait for their vertices.
+    let label_bytes = cache_bytes / 8;
+    let voids = WantedVoids::new(tree, labelling, wanted, label_bytes);
     let is_wanted = |key: NodeKey| voids.is_in(labelling.order.covering(key));
     let spans = labelling.leaf_spans();
     let centre = |component: usize| centre(component).map_or([0.0; 3], |centre| minus(centre, origin));
     let make = |key: NodeKey, facets: &[EdgeFacet]| {
         let leaf = labelling.order.covering(key);
-        let mut surfaces = of_leaf(key, facets, (&voids, tree, labelling), (&centre, meshes), &directions)?;
+        let mut surfaces = of_leaf(key, facets, (&voids, labelling), (&centre, meshes), &directions)?;
         let is_whole = |component: &usize| spans[*component] == [leaf as u32; 2];
         for (_, surface) in surfaces.iter_mut().filter(|(component, _)| is_whole(component)) {
             surface.complete();
@@ -188,23 +196,30 @@ pub(super) fn surfaces(
         Ok((leaf as u32, surfaces))
     };
     let mut rest: BTreeMap<usize, VoidSurface> = BTreeMap::new();
-    edge_facets(&voids, cache_bytes, (Bend::Slight, is_wanted), progress, make, |(leaf, surfaces)| {
-        for (component, surface) in surfaces {
-            let [first, last] = spans[component];
-            if first == last {
-                each(component, surface.moved(origin));
-                continue;
+    edge_facets(
+        &voids,
+        cache_bytes - label_bytes,
+        (Bend::Slight, is_wanted),
+        progress,
+        make,
+        |(leaf, surfaces)| {
+            for (component, surface) in surfaces {
+                let [first, last] = spans[component];
+                if first == last {
+                    each(component, surface.moved(origin));
+                    continue;
+                }
+                rest.entry(component).or_default().add(surface, &directions);
+                if leaf == last
+                    && let Some(mut surface) = rest.remove(&component)
+                {
+                    surface.complete();
+                    each(component, surface.moved(origin));
+                }
             }
-            rest.entry(component).or_default().add(surface, &directions);
-            if leaf == last
-                && let Some(mut surface) = rest.remove(&component)
-            {
-                surface.complete();
-                each(component, surface.moved(origin));
-            }
-        }
-        Ok(())
-    })?;
+            Ok(())
+        },
+    )?;
     // The last leaves of these have nothing of their surfaces.
     for (component, mut surface) in rest {
         surface.complete();
@@ -217,22 +232,20 @@ pub(super) fn surfaces(
 fn of_leaf(
     key: NodeKey,
     facets: &[EdgeFacet],
-    (voids, tree, labelling): (&WantedVoids<'_>, &dyn BrickTree, &Labelling),
+    (voids, labelling): (&WantedVoids<'_>, &Labelling),
     (centre, meshes): (&dyn Fn(usize) -> [f64; 3], bool),
     directions: &Directions,
 ) -> Result<BTreeMap<usize, VoidSurface>> {
-    let (root, leaf) = (tree.root(), labelling.order.covering(key));
+    let (root, leaf) = (voids.root(), labelling.order.covering(key));
     let only = voids.only_in(leaf);
-    let components = if only.is_none() { Some(labelling.components_of(tree, leaf)?) } else { None };
+    let labels = if only.is_none() { Some(voids.labels_of(leaf)?) } else { None };
     let mut surfaces: BTreeMap<usize, (VoidSurface, [f64; 3], Vec<[f32; 3]>)> = BTreeMap::new();
     for polygon in in_polygons(facets).chunk_by(|a, b| (a.axis, a.low) == (b.axis, b.low)) {
         let edge = polygon[0];
         let mut outer = edge.low;
         outer[edge.axis.index()] += usize::from(edge.low_is_inside);
-        let of = || labelling.of(leaf, components.as_ref()?.at(outer));
-        let Some(component) = only.or_else(of).filter(|component| voids.is_wanted(*component)) else {
-            continue;
-        };
+        let of = || labelling.of(leaf, labels.as_ref()?.at(outer)?);
+        let Some(component) = only.or_else(of) else { continue };
         let (surface, centre, vertices) = surfaces
             .entry(component)
             .or_insert_with(|| (VoidSurface::default(), centre(component), Vec::new()));
