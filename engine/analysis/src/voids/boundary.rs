@@ -6,6 +6,7 @@ use super::crossing::each_crossing;
 use super::labelling::Labelling;
 use super::points::{OUTER, Point};
 use super::pores::{Pores, component_at, place_of};
+use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::progress::Progress;
@@ -77,8 +78,8 @@ pub(super) fn boundaries(
             Some(tracer) if has_void(number) || pores.is_some() => Some(tracer.segments(leaf.key)?),
             _ => None,
         };
-        let pick = |outer| {
-            let label = (number, components.at(outer));
+        let pick = |signs: &SignChanges, outer| {
+            let label = (number, components.at_signs(signs, outer));
             let component = component_at(labelling, pores, label, || place_of(leaf.key, outer));
             let is_wanted = match component {
                 Some(component) => component >= labelling.components.len() || is_void(component),

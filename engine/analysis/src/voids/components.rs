@@ -134,6 +134,14 @@ impl Components {
         runs[runs.partition_point(|run| usize::from(run.to) <= i).min(runs.len() - 1)].label
     }
 
+    /// The component of a sample, by the bits that they are of.
+    #[inline]
+    pub fn at_signs(&self, signs: &SignChanges, [i, j, k]: [usize; 3]) -> u16 {
+        let before = along_row(signs.row(j, k)) & ((1 << i) - 1);
+        let first = self.rows[k * BRICK_POINTS + j];
+        self.runs[(first + before.count_ones()) as usize].label
+    }
+
     /// The components along the lower or the upper face across an axis. Places count along the first of the other two
     /// axes, x before y before z, and then along the second.
     pub fn face(&self, axis: Axis, upper: bool) -> FaceLabels {

@@ -17,11 +17,11 @@ pub(super) struct VoidCrossing {
 }
 
 /// Calls `each` with the crossings of the edges that a leaf owns, and with what `pick` gives of their samples outside; those
-/// without are left out.
+/// of which it gives nothing are left out.
 pub(super) fn each_crossing<T>(
     key: NodeKey,
     brick: &Brick,
-    pick: impl Fn([usize; 3]) -> Option<T>,
+    pick: impl Fn(&SignChanges, [usize; 3]) -> Option<T>,
     mut each: impl FnMut(T, VoidCrossing),
 ) {
     let Brick::Counts { samples, hermite } = brick else { return };
@@ -37,7 +37,7 @@ pub(super) fn each_crossing<T>(
             }
             let (low_is_inside, mut outer) = (signs.is_inside(low), low);
             outer[axis.index()] += usize::from(low_is_inside);
-            if let Some(picked) = pick(outer) {
+            if let Some(picked) = pick(&signs, outer) {
                 each(picked, crossing(key, axis, low, low_is_inside, edge, step));
             }
         });

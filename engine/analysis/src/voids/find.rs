@@ -23,9 +23,13 @@ use rayon::prelude::*;
 /// Bytes that a point of a boundary takes while distances are measured.
 const POINT_BYTES: u64 = 64;
 
-/// Bytes of a void with its sums and its surface while it is measured.
-const VOID_BYTES: u64 =
-    (size_of::<Void>() + size_of::<Component>() + size_of::<VoidSurface>() + FARTHEST_BYTES) as u64;
+/// Bytes of a void with its sums and its surface while it is measured, at most. A constant, because which distances are found
+/// depends on it.
+const VOID_BYTES: u64 = 1412;
+const _: () = assert!(
+    size_of::<Void>() + size_of::<Component>() + size_of::<VoidSurface>() + FARTHEST_BYTES
+        <= VOID_BYTES as usize
+);
 /// Bytes for bricks and points however many voids there are.
 const LEAST_BYTES: u64 = 32 << 20;
 /// Largest balls are found to this share of a cell.

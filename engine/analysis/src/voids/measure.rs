@@ -107,7 +107,8 @@ impl Local {
         Local { low: [i64::MAX; 3], high: [i64::MIN; 3], ..Local::default() }
     }
 
-    /// A chord along x from one place to another, on the line through a sample.
+    /// A chord along x from one place to another, on the line through a sample. Of the box its ends alone count: the line is that of
+    /// a sample, which sees to the rest.
     #[inline(always)]
     fn chord_along_x(&mut self, from: i64, to: i64, [j, k]: [usize; 2]) {
         let (length, line) = (to - from, [j, k].map(|at| (at as i64) << STEP_BITS));
@@ -115,7 +116,8 @@ impl Local {
         self.moments[0] += to * to - from * from;
         self.moments[1] += 2 * length * line[0];
         self.moments[2] += 2 * length * line[1];
-        self.reach([from, line[0], line[1]], [to, line[0], line[1]]);
+        self.low[0] = self.low[0].min(from);
+        self.high[0] = self.high[0].max(to);
     }
 
     /// The edges along y and z from samples of a row of which the first and the last stand at these places along x, all of them
@@ -133,14 +135,11 @@ impl Local {
         self.reach([from << STEP_BITS, y, z], [last << STEP_BITS, y, z]);
     }
 
-    /// Adds the upper part of a crossed edge along an axis, from the crossing on, or takes it away.
+    /// Adds a part of an edge along an axis, with its length and moments, or takes it away.
     #[inline(always)]
-    fn part(&mut self, axis: usize, sign: i64, (crossing, upper): (i64, i64), line: [i64; 3]) {
-        let length = sign * (upper - crossing);
-        self.lengths[axis] += length;
-        for (a, moment) in self.moments.iter_mut().enumerate() {
-            *moment += length * if a == axis { upper + crossing } else { 2 * line[a] };
-        }
+    fn part(&mut self, axis: usize, sign: i64, (length, moments): (i64, [i64; 3])) {
+        self.lengths[axis] += sign * length;
+        self.moments.iter_mut().zip(moments).for_each(|(own, part)| *own += sign * part);
     }
 
     /// Extends the box.
@@ -269,7 +268,13 @@ fn along_x(components: &Components, hermite: Option<&Hermite>, locals: &mut [Loc
                 let outer = if is_void { run.label } else { next.label };
                 locals[usize::from(outer)].crossings += offsets.one();
             }
-            locals[usize::from(run.label)].chord_along_x(from, to, [j, k]);
+            let local = &mut locals[usize::from(run.label)];
+            local.chord_along_x(from, to, [j, k]);
+            if usize::from(run.from) == BRICK_CELLS {
+                // No sample that the leaf owns stands in this run.
+                let place = [from, (j as i64) << STEP_BITS, (k as i64) << STEP_BITS];
+                local.reach(place, place);
+            }
             from = to;
         }
     }
@@ -292,6 +297,7 @@ fn across(
             continue;
         }
         let upper = if axis == Axis::Y { (j + 1, k) } else { (j, k + 1) };
+        let upper_is_own = upper.0.max(upper.1) < BRICK_CELLS;
         let (mut below, mut above) = (components.row(j, k), components.row(upper.0, upper.1));
         let mut line = [0, j as i64, k as i64].map(|at| at << STEP_BITS);
         let end = line[a] + EDGE;
@@ -309,14 +315,20 @@ fn across(
             });
             let outer = if components.solid[usize::from(one)] { other } else { one };
             locals[usize::from(outer)].crossings += offsets.one();
+            let length = end - crossing;
+            let mut moments = line.map(|place| 2 * length * place);
+            moments[a] = length * (end + crossing);
             let lower = &mut locals[usize::from(one)];
-            lower.part(a, -1, (crossing, end), line);
+            lower.part(a, -1, (length, moments));
             lower.high[a] = lower.high[a].max(crossing);
             let upper = &mut locals[usize::from(other)];
-            upper.part(a, 1, (crossing, end), line);
-            let (mut low, mut high) = (line, line);
-            (low[a], high[a]) = (crossing, end);
-            upper.reach(low, high);
+            upper.part(a, 1, (length, moments));
+            upper.low[a] = upper.low[a].min(crossing);
+            if !upper_is_own {
+                let mut place = line;
+                place[a] = end;
+                upper.reach(place, place);
+            }
         }
         offsets.skip((changes & !OWN).count_ones() as usize);
     }

@@ -3,6 +3,7 @@
 use super::components::Components;
 use super::crossing::each_crossing;
 use super::find::Voids;
+use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::progress::Progress;
@@ -34,8 +35,10 @@ pub fn boundary_points(
     let is_wanted = |leaf: usize| changes(keys[leaf]) && has_void(leaf);
     let make = |number: usize, leaf: &Leaf<'_>, components: &Components| {
         let mut points = Vec::new();
-        let pick = |outer| {
-            let void = labelling.of(number, components.at(outer)).map_or(0, |component| numbers[component]);
+        let pick = |signs: &SignChanges, outer| {
+            let void = labelling
+                .of(number, components.at_signs(signs, outer))
+                .map_or(0, |component| numbers[component]);
             (void > 0).then_some(void)
         };
         each_crossing(leaf.key, leaf.brick, pick, |void, crossing| {

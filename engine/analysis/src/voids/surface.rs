@@ -228,6 +228,16 @@ pub(super) fn surfaces(
     Ok(())
 }
 
+/// What a leaf has of a surface.
+#[derive(Default)]
+struct LeafSurface {
+    surface: VoidSurface,
+    /// From where the surface is measured.
+    centre: [f64; 3],
+    /// Of its triangles, those of one after the other.
+    vertices: Vec<[f32; 3]>,
+}
+
 /// What a leaf has of surfaces, by component.
 fn of_leaf(
     key: NodeKey,
@@ -239,16 +249,15 @@ fn of_leaf(
     let (root, leaf) = (voids.root(), labelling.order.covering(key));
     let only = voids.only_in(leaf);
     let labels = if only.is_none() { Some(voids.labels_of(leaf)?) } else { None };
-    let mut surfaces: BTreeMap<usize, (VoidSurface, [f64; 3], Vec<[f32; 3]>)> = BTreeMap::new();
+    let mut surfaces: BTreeMap<usize, LeafSurface> = BTreeMap::new();
     for polygon in in_polygons(facets).chunk_by(|a, b| (a.axis, a.low) == (b.axis, b.low)) {
         let edge = polygon[0];
         let mut outer = edge.low;
         outer[edge.axis.index()] += usize::from(edge.low_is_inside);
         let of = || labelling.of(leaf, labels.as_ref()?.at(outer)?);
         let Some(component) = only.or_else(of) else { continue };
-        let (surface, centre, vertices) = surfaces
-            .entry(component)
-            .or_insert_with(|| (VoidSurface::default(), centre(component), Vec::new()));
+        let new = || LeafSurface { centre: centre(component), ..LeafSurface::default() };
+        let LeafSurface { surface, centre, vertices } = surfaces.entry(component).or_insert_with(new);
         if meshes {
             surface.mesh.extend(polygon.iter().map(|facet| {
                 let [a, b, c] = facet.corners;
@@ -258,8 +267,9 @@ fn of_leaf(
         add_polygon(surface, polygon, crossing(root, key, edge), *centre);
         polygon.iter().for_each(|facet| vertices.extend(facet.corners));
     }
-    let surface = |(component, (mut surface, _, vertices)): (usize, (VoidSurface, _, Vec<[f32; 3]>))| {
-        surface.vertices(&without_repeats(vertices), directions);
+    let surface = |(component, of_leaf): (usize, LeafSurface)| {
+        let mut surface = of_leaf.surface;
+        surface.vertices(&without_repeats(of_leaf.vertices), directions);
         (component, surface)
     };
     Ok(surfaces.into_iter().map(surface).collect())
