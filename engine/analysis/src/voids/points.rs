@@ -404,6 +404,36 @@ mod tests {
     }
 
     #[test]
+    fn gaps_are_those_of_a_search_from_all_points() {
+        let normal = |n: u64| {
+            let at = [0, 1, 2].map(|a| random(7000 + 3 * n + a) - 0.5);
+            at.map(|c| (c / dot(at, at).sqrt()) as f32)
+        };
+        let point = |n: u64| {
+            let component = (n % 5) as u32;
+            let at = [0, 1, 2].map(|a| (f64::from(component) * 15.0 + 40.0 * random(3 * n + a)) as f32);
+            Point { at, normal: normal(n), component }
+        };
+        let points: Vec<Point> = (0..4000).map(point).collect();
+        let (by_component, others) = (ByComponent::of(&points), PointTree::new(points.clone()));
+        let reach = 0.75;
+        for component in 0..5 {
+            let own = by_component.points(component);
+            assert!(own.len() == 800 && own.iter().all(|point| point.component == component));
+            let to_next = |point: &Point| {
+                let at = point.at.map(f64::from);
+                let (_, other) = others.nearest_beside(at, f64::INFINITY, component).unwrap();
+                distance(at, other, reach)
+            };
+            let expected = own.iter().map(to_next).fold(f64::INFINITY, f64::min);
+            assert_eq!(gap(&PointTree::new(own.to_vec()), &others, component, reach), Some(expected));
+        }
+        let alone = PointTree::new(by_component.points(0).to_vec());
+        assert_eq!(gap(&alone, &alone, 0, reach), None);
+        assert!(by_component.points(5).is_empty());
+    }
+
+    #[test]
     fn the_largest_ball_in_a_box_and_in_a_ball() {
         // Points of a box of 20 by 30 by 40, and of a ball with a radius of 10.
         let mut sides = Vec::new();
