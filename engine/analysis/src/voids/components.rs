@@ -1,10 +1,13 @@
 //! Connected components of the samples of one brick, as runs along x.
 
-use crate::brick::{Brick, SignChanges};
+use crate::brick::{Brick, SignChanges, along_row};
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS};
+use crate::wide::{dispatch, level};
 
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
+/// All samples of a row.
+const ALL: u64 = (1 << BRICK_POINTS) - 1;
 
 /// Which samples are neighbours. Only these two pairs give complements the same boundary (Ohser, Nagel & Schladitz 2003).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -73,33 +76,39 @@ impl Components {
 
     /// From the bits that tell inside from outside.
     pub fn of_signs(signs: &SignChanges, connectivity: Connectivity) -> Components {
+        dispatch!(level(), _simd => Components::of_rows(signs, connectivity))
+    }
+
+    #[inline(always)]
+    fn of_rows(signs: &SignChanges, connectivity: Connectivity) -> Components {
+        let bits: Vec<u64> = (0..ROWS).map(|row| signs.row(row % BRICK_POINTS, row / BRICK_POINTS)).collect();
+        let count = bits.iter().map(|bits| along_row(*bits).count_ones() as usize + 1).sum();
         let mut rows = Vec::with_capacity(ROWS + 1);
-        let mut runs = Vec::new();
-        for row in 0..ROWS {
+        let mut runs = Vec::with_capacity(count);
+        for &bits in &bits {
             rows.push(runs.len() as u32);
-            push_runs(signs.row(row % BRICK_POINTS, row / BRICK_POINTS), &mut runs);
+            push_runs(bits, &mut runs);
         }
         rows.push(runs.len() as u32);
-        let mut parents: Vec<u32> = (0..runs.len() as u32).collect();
+        let parents = (0..runs.len() as u32).collect();
+        let solid_is_wide = connectivity.is_wide(true);
+        let mut joiner = RowJoiner { bits: &bits, first: &rows, solid_is_wide, parents };
         for row in 0..ROWS {
             let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
-            // Each row with those before it that touch it; the last two only at edges and corners.
-            let before = [
-                (j > 0).then(|| (row - 1, false)),
-                (k > 0).then(|| row - BRICK_POINTS).map(|row| (row, false)),
-                (j > 0 && k > 0).then(|| row.wrapping_sub(BRICK_POINTS + 1)).map(|row| (row, true)),
-                (j + 1 < BRICK_POINTS && k > 0)
-                    .then(|| (row + 1).wrapping_sub(BRICK_POINTS))
-                    .map(|row| (row, true)),
-            ];
-            for (other, only_wide) in before.into_iter().flatten() {
-                let span = |row: usize| rows[row] as usize..rows[row + 1] as usize;
-                join_rows(&runs, span(other), span(row), &mut parents, |run| {
-                    let wide = connectivity.is_wide(is_solid(run));
-                    (wide || !only_wide).then_some(u8::from(wide))
-                });
+            if j > 0 {
+                joiner.beside(row, row - 1, None);
+            }
+            if k > 0 {
+                joiner.beside(row, row - BRICK_POINTS, (j > 0).then_some(1));
+                if j > 0 {
+                    joiner.across(row, row - BRICK_POINTS - 1, [row - 1, row - BRICK_POINTS]);
+                }
+                if j + 1 < BRICK_POINTS {
+                    joiner.across(row, row - BRICK_POINTS + 1, [row + 1, row - BRICK_POINTS]);
+                }
             }
         }
+        let mut parents = joiner.parents;
         number(rows.into_boxed_slice(), runs, &mut parents)
     }
 
@@ -123,6 +132,14 @@ impl Components {
     pub fn at(&self, [i, j, k]: [usize; 3]) -> u16 {
         let runs = self.row(j, k);
         runs[runs.partition_point(|run| usize::from(run.to) <= i).min(runs.len() - 1)].label
+    }
+
+    /// The component of a sample, by the bits that they are of.
+    #[inline]
+    pub fn at_signs(&self, signs: &SignChanges, [i, j, k]: [usize; 3]) -> u16 {
+        let before = along_row(signs.row(j, k)) & ((1 << i) - 1);
+        let first = self.rows[k * BRICK_POINTS + j];
+        self.runs[(first + before.count_ones()) as usize].label
     }
 
     /// The components along the lower or the upper face across an axis. Places count along the first of the other two
@@ -163,44 +180,91 @@ fn is_solid(run: &Run) -> bool {
 }
 
 /// The runs of a row of inside bits, with their class in the place of a label.
+#[inline(always)]
 fn push_runs(bits: u64, runs: &mut Vec<Run>) {
-    let mut from = 0;
-    while from < BRICK_POINTS {
-        let rest = bits >> from;
-        let solid = rest & 1 == 1;
-        let count = if solid { rest.trailing_ones() } else { rest.trailing_zeros() } as usize;
-        let to = (from + count).min(BRICK_POINTS);
-        runs.push(Run { from: from as u8, to: to as u8, label: u16::from(solid) });
+    let (mut changes, mut from) = (along_row(bits), 0);
+    loop {
+        let to = if changes == 0 { BRICK_POINTS as u8 } else { changes.trailing_zeros() as u8 + 1 };
+        runs.push(Run { from, to, label: (bits >> from & 1) as u16 });
+        if changes == 0 {
+            return;
+        }
+        changes &= changes - 1;
         from = to;
     }
 }
 
-/// Joins the runs of two rows that touch. `reach` says how far beyond its ends a run touches, if at all.
-fn join_rows(
-    runs: &[Run],
-    a: std::ops::Range<usize>,
-    b: std::ops::Range<usize>,
-    parents: &mut [u32],
-    reach: impl Fn(&Run) -> Option<u8>,
-) {
-    let mut p = a.start;
-    for q in b {
-        let run = runs[q];
-        let Some(reach) = reach(&run) else { continue };
-        // Those behind may touch the next run at a corner.
-        while runs[p].to < run.from {
-            p += 1;
+/// Rows of inside bits whose runs are joined, many samples at once.
+struct RowJoiner<'a> {
+    bits: &'a [u64],
+    /// By row, its first run.
+    first: &'a [u32],
+    /// Whether solid touches across edges and corners, and not void.
+    solid_is_wide: bool,
+    /// By run, an earlier one that it hangs together with, or itself.
+    parents: Vec<u32>,
+}
+
+impl RowJoiner<'_> {
+    /// The samples of a row that touch others of their class across edges and corners.
+    #[inline(always)]
+    fn wide(&self, row: usize) -> u64 {
+        if self.solid_is_wide { self.bits[row] } else { !self.bits[row] & ALL }
+    }
+
+    /// The run of a sample.
+    #[inline(always)]
+    fn run(&self, row: usize, i: u32) -> u32 {
+        let before = along_row(self.bits[row]) & ((1 << i) - 1);
+        self.first[row] + before.count_ones()
+    }
+
+    /// Joins at each of some samples of a row that of another row so many steps beside.
+    #[inline(always)]
+    fn unite(&mut self, (row, other): (usize, usize), mut at: u64, step: i32) {
+        while at != 0 {
+            let i = at.trailing_zeros();
+            let (own, theirs) = (self.run(row, i), self.run(other, i.wrapping_add_signed(step)));
+            unite(&mut self.parents, own, theirs);
+            at &= at - 1;
         }
-        for (n, other) in runs[p..a.end].iter().enumerate().take_while(|(_, other)| other.from <= run.to) {
-            if is_solid(&run) == is_solid(other) && run.from < other.to + reach && other.from < run.to + reach
-            {
-                unite(parents, (p + n) as u32, q as u32);
-            }
+    }
+
+    /// Joins two rows across their common face. Those `back` before either have been joined to them and to each other, so where
+    /// all four samples are alike nothing is left to do.
+    #[inline(always)]
+    fn beside(&mut self, row: usize, other: usize, back: Option<usize>) {
+        let (own, theirs) = (self.bits[row], self.bits[other]);
+        let alike = !(own ^ theirs) & ALL;
+        // Once for each stretch of one class.
+        let mut starts = alike & (!(alike << 1) | along_row(own) << 1);
+        if let Some(back) = back {
+            starts &= own ^ self.bits[row - back] | theirs ^ self.bits[other - back];
         }
+        self.unite((row, other), starts, 0);
+        self.askew((row, other), 0);
+    }
+
+    /// Joins two rows that have but an edge in common. What one of the two rows between them joins is left out.
+    #[inline(always)]
+    fn across(&mut self, row: usize, other: usize, between: [usize; 2]) {
+        let between = self.wide(between[0]) | self.wide(between[1]);
+        self.unite((row, other), self.wide(row) & self.wide(other) & !between, 0);
+        self.askew((row, other), between);
+    }
+
+    /// Joins samples that lie askew, unless one straight beside either joins them, or one of the samples `between` the rows.
+    #[inline(always)]
+    fn askew(&mut self, (row, other): (usize, usize), between: u64) {
+        let (own, theirs) = (self.wide(row), self.wide(other));
+        let (own, theirs) = (own & !theirs & !between, theirs & !own & !between);
+        self.unite((row, other), own & theirs >> 1, 1);
+        self.unite((row, other), own & theirs << 1, -1);
     }
 }
 
 /// The first of the runs that hang together with one.
+#[inline(always)]
 fn first(parents: &mut [u32], mut run: u32) -> u32 {
     while parents[run as usize] != run {
         let above = parents[parents[run as usize] as usize];
@@ -210,12 +274,14 @@ fn first(parents: &mut [u32], mut run: u32) -> u32 {
     run
 }
 
+#[inline(always)]
 fn unite(parents: &mut [u32], a: u32, b: u32) {
     let (a, b) = (first(parents, a), first(parents, b));
     parents[a.max(b) as usize] = a.min(b);
 }
 
 /// Numbers components by their first runs.
+#[inline(always)]
 fn number(rows: Box<[u32]>, mut runs: Vec<Run>, parents: &mut [u32]) -> Components {
     let mut solid = Vec::new();
     // A component's first run comes before its others, so its number is known by then.

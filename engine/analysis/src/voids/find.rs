@@ -6,7 +6,7 @@ use super::cad::cad_shares;
 use super::classify::class_of;
 use super::components::Connectivity;
 use super::labelling::{Component, Labelling, label};
-use super::points::{Point, PointTree, distance, inscribed};
+use super::points::{ByComponent, Point, PointTree, gap, inscribed};
 use super::pores::{Pore, Pores, pores};
 use super::sealed::{SealFindings, SubcellField, sealed};
 use super::surface::{FARTHEST_BYTES, VoidSurface, surfaces};
@@ -19,14 +19,17 @@ use crate::progress::Progress;
 use crate::soup::Facets;
 use crate::store::{BrickTree, Store};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// Bytes that a point of a boundary takes while distances are measured.
 const POINT_BYTES: u64 = 64;
 
-/// Bytes of a void with its sums and its surface while it is measured.
-const VOID_BYTES: u64 =
-    (size_of::<Void>() + size_of::<Component>() + size_of::<VoidSurface>() + FARTHEST_BYTES) as u64;
+/// Bytes of a void with its sums and its surface while it is measured, at most. A constant, because which distances are found
+/// depends on it.
+const VOID_BYTES: u64 = 1412;
+const _: () = assert!(
+    size_of::<Void>() + size_of::<Component>() + size_of::<VoidSurface>() + FARTHEST_BYTES
+        <= VOID_BYTES as usize
+);
 /// Bytes for bricks and points however many voids there are.
 const LEAST_BYTES: u64 = 32 << 20;
 /// Largest balls are found to this share of a cell.
@@ -191,11 +194,15 @@ impl Voids {
             is_void(component).then(|| root.to_world(centroid))
         };
         // What is kept of voids is not there for bricks and points.
-        let kept = measured.iter().filter(|is_measured| **is_measured).count() as u64 * VOID_BYTES;
-        let rest = (options.memory / 2).saturating_sub(kept).max(LEAST_BYTES);
+        let count = measured.iter().filter(|is_measured| **is_measured).count();
+        let rest = (options.memory / 2).saturating_sub(count as u64 * VOID_BYTES).max(LEAST_BYTES);
         let cache_bytes = usize::try_from(rest).unwrap_or(usize::MAX);
-        let mut surfaces = surfaces(store, labelling, &centre, (cache_bytes, options.meshes), progress)?;
-        self.take(measured, &mut surfaces, (root, root.spacing(store.meta().depth)));
+        let (cell, bricks) = (root.spacing(store.meta().depth), (cache_bytes, options.meshes));
+        let mut found = Vec::with_capacity(count);
+        surfaces(store, labelling, &centre, bricks, progress, |component, surface| {
+            found.push(void_of(labelling, component, surface, (root, cell)));
+        })?;
+        self.take(measured, found, (root, cell));
         if options.detail == Detail::Volumes {
             return Ok(());
         }
@@ -209,7 +216,7 @@ impl Voids {
         if let Some(tracer) = &tracer {
             for void in &mut self.voids {
                 if let Some(around) = around.get(&void.component) {
-                    void.trace = Trace::of(around, tracer, is_sparse)?;
+                    void.trace = Trace::of(around, tracer, is_sparse)?.map(Box::new);
                 }
             }
         }
@@ -242,23 +249,22 @@ impl Voids {
         Ok(())
     }
 
-    /// Makes voids of components with their surfaces.
-    fn take(
-        &mut self,
-        measured: &[bool],
-        surfaces: &mut BTreeMap<usize, VoidSurface>,
-        (root, cell): (RootCube, f64),
-    ) {
+    /// Takes the voids that have a surface, in any order, and makes the others.
+    fn take(&mut self, measured: &[bool], mut found: Vec<Void>, (root, cell): (RootCube, f64)) {
+        let mut is_found = vec![false; measured.len()];
+        found.iter().for_each(|void| is_found[void.component] = true);
+        for number in (0..measured.len()).filter(|&number| measured[number] && !is_found[number]) {
+            found.push(void_of(&self.labelling, number, VoidSurface::default(), (root, cell)));
+        }
+        found.sort_unstable_by_key(|void| void.component);
         let mut apart = 0.0;
-        for number in (0..measured.len()).filter(|&number| measured[number]) {
-            let surface = surfaces.remove(&number).unwrap_or_default();
-            let chords = Total::of(&self.labelling.components[number].sums, root);
-            let void = void_of(&self.labelling, number, surface, chords, (root, cell));
-            apart += void.volume - chords.value;
-            self.voids.push(void);
+        for void in &found {
+            apart += void.volume - Total::of(&self.labelling.components[void.component].sums, root).value;
         }
         self.void_volume.value += apart;
         self.void_volume.error += apart.abs();
+        found.append(&mut self.voids);
+        self.voids = found;
     }
 
     /// The numbers of the voids, from 1, by component and pore; 0 of all that are none.
@@ -322,12 +328,12 @@ fn void_of(
     labelling: &Labelling,
     number: usize,
     surface: VoidSurface,
-    chords: Total,
     (root, cell): (RootCube, f64),
 ) -> Void {
+    let sums = &labelling.components[number].sums;
+    let chords = Total::of(sums, root);
     let (volume, volume_error) = by_polygons(&surface, chords);
     let volume_error = volume_error.max(least_error(volume, cell));
-    let sums = &labelling.components[number].sums;
     let centroid = sums.centroid().map_or([f64::NAN; 3], |units| root.to_world(units));
     let corner = |parts: &[i64; 3]| root.to_world(parts.map(|p| p as f64 / super::measure::PARTS + 1.0));
     let (low, high) = (corner(&sums.low), corner(&sums.high));
@@ -346,7 +352,7 @@ fn void_of(
         volume_error,
         surface: surface.area,
         inner_diameter: None,
-        diameter: surface.diameter(),
+        diameter: surface.diameter,
         centroid,
         bounds,
         euler: (labelling.connectivity == Connectivity::VoidSix && !labelling.components[number].uneven)
@@ -372,29 +378,14 @@ fn measure_distances(
     let unit = root.unit();
     let cell = root.spacing(store.meta().depth) / unit;
     let reach = 0.75 * cell;
-    let mut by_component = points.clone();
-    by_component.sort_by_key(|point| point.component);
-    let of_component = |component: u32| {
-        let from = by_component.partition_point(|point| point.component < component);
-        let rest = &by_component[from..];
-        &rest[..rest.partition_point(|point| point.component == component)]
-    };
+    let by_component = ByComponent::of(&points);
     let (outer, points) = (outer.map(PointTree::new), PointTree::new(points));
     progress.phase("distances between voids", Some(voids.len() as u64), "voids");
     voids.par_iter_mut().try_for_each(|void| {
         progress.check()?;
         let component = void.component as u32;
-        let tree = PointTree::new(of_component(component).to_vec());
-        let nearest = |others: &PointTree| {
-            let mut best = f64::INFINITY;
-            for point in tree.points() {
-                let at = point.at.map(f64::from);
-                if let Some((_, other)) = others.nearest_beside(at, best + reach, component) {
-                    best = best.min(distance(at, other, reach));
-                }
-            }
-            best.is_finite().then_some(best * unit)
-        };
+        let tree = PointTree::new(by_component.points(component).to_vec());
+        let nearest = |others: &PointTree| Some(gap(&tree, others, component, reach)? * unit);
         void.edge_distance = outer.as_ref().and_then(nearest);
         void.gap = nearest(&points);
         progress.advance(1);

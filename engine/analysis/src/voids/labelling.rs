@@ -14,7 +14,6 @@ use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey};
 use crate::progress::Progress;
 use crate::sets::DisjointSets;
 use crate::store::{BrickTree, Leaf, LeafOrder, visit};
-use std::collections::HashMap;
 
 /// The component that touches the outside of the root, through all leaves.
 const OUTSIDE: u32 = 0;
@@ -135,6 +134,18 @@ impl Labelling {
         visit(tree, &wanted_keys, progress, make, |_, made| take(made))
     }
 
+    /// By component of the tree, the first and the last leaf that it has a part in.
+    pub(super) fn leaf_spans(&self) -> Vec<[u32; 2]> {
+        let mut spans = vec![[u32::MAX, 0]; self.components.len()];
+        for leaf in 0..self.order.keys().len() as u32 {
+            for component in self.in_leaf(leaf as usize).flatten() {
+                let [first, last] = &mut spans[component];
+                (*first, *last) = (leaf.min(*first), leaf);
+            }
+        }
+        spans
+    }
+
     /// The components of the tree that have a part in a leaf, by component of the leaf.
     pub fn in_leaf(&self, leaf: usize) -> impl Iterator<Item = Option<usize>> {
         let to = self.first.get(leaf + 1).map_or(self.of.len(), |&to| to as usize);
@@ -148,8 +159,12 @@ struct Joiner<'a> {
     /// Of the outside and the components of leaves.
     sets: DisjointSets,
     first: Vec<u32>,
-    /// Of the first components of sets.
-    sums: HashMap<u32, Component>,
+    /// What was summed of sets, in any order.
+    sums: Vec<Component>,
+    /// By component of a leaf, the place in `sums`, if it is the first one of its set.
+    places: Vec<u32>,
+    /// Places in `sums` that can be taken again.
+    free: Vec<u32>,
     border: Border<PendingLeaf>,
 }
 
@@ -162,7 +177,9 @@ impl<'a> Joiner<'a> {
             order,
             sets,
             first: Vec::with_capacity(order.keys().len()),
-            sums: HashMap::from([(OUTSIDE, outside)]),
+            sums: vec![outside],
+            places: vec![0],
+            free: Vec::new(),
             border: Border::default(),
         }
     }
@@ -172,9 +189,18 @@ impl<'a> Joiner<'a> {
         let first = u32::try_from(self.sets.len() + count).map_err(|_| too_many())? - count as u32;
         self.first.push(first);
         self.sets.extend(count);
-        for (label, sums) in made.sums.into_iter().enumerate() {
-            let component = Component { solid: made.solid[label], sums, uneven: false };
-            self.sums.insert(first + label as u32, component);
+        for (&solid, sums) in made.solid.iter().zip(made.sums) {
+            let component = Component { solid, sums, uneven: false };
+            self.places.push(match self.free.pop() {
+                Some(place) => {
+                    self.sums[place as usize] = component;
+                    place
+                }
+                None => {
+                    self.sums.push(component);
+                    self.sums.len() as u32 - 1
+                }
+            });
         }
         let own = PendingLeaf { first, uniform: made.uniform, solid: made.solid, faces: made.faces };
         let mut border = std::mem::take(&mut self.border);
@@ -231,8 +257,8 @@ impl<'a> Joiner<'a> {
             let mut uneven = labels(mine, own_face, &own.solid);
             uneven.extend(labels(theirs, their_face, &there.solid));
             for number in uneven {
-                let first = self.sets.find(number);
-                self.sums.get_mut(&first).into_iter().for_each(|component| component.uneven = true);
+                let first = self.sets.find(number) as usize;
+                self.sums[self.places[first] as usize].uneven = true;
             }
         }
         for (a, b) in pairs {
@@ -241,33 +267,50 @@ impl<'a> Joiner<'a> {
     }
 
     fn unite(&mut self, a: u32, b: u32) {
-        if let Some((first, second)) = self.sets.unite(a, b)
-            && let Some(joined) = self.sums.remove(&second)
-            && let Some(kept) = self.sums.get_mut(&first)
-        {
-            kept.sums.add(&joined.sums);
-            kept.uneven |= joined.uneven;
-        }
+        let Some((first, second)) = self.sets.unite(a, b) else { return };
+        let [kept, joined] = [first, second].map(|number| self.places[number as usize]);
+        let Component { sums, uneven, .. } = self.sums[joined as usize].clone();
+        let kept = &mut self.sums[kept as usize];
+        kept.sums.add(&sums);
+        kept.uneven |= uneven;
+        self.free.push(joined);
     }
 
     /// First components of leaves, components of the tree by those of leaves, all of them, and the outside.
     fn finish(mut self) -> (Vec<u32>, Vec<u32>, Vec<Component>, Sums) {
-        let outside = self.sums.remove(&OUTSIDE).map(|outside| outside.sums).unwrap_or_default();
-        let mut of = Vec::with_capacity(self.sets.len());
-        let mut components = Vec::with_capacity(self.sums.len());
-        for number in 0..self.sets.len() as u32 {
+        let outside = self.sums[OUTSIDE as usize].sums.clone();
+        // By place, the component of the tree; what is not one is put behind all.
+        let mut order = vec![u32::MAX; self.sums.len()];
+        let mut of = self.places;
+        let mut count = 0;
+        for number in 0..of.len() as u32 {
             let root = self.sets.find(number);
-            of.push(if root == OUTSIDE {
+            of[number as usize] = if root == OUTSIDE {
                 u32::MAX
             } else if root == number {
-                components.extend(self.sums.remove(&number));
-                components.len() as u32 - 1
+                order[of[number as usize] as usize] = count;
+                count += 1;
+                count - 1
             } else {
                 of[root as usize]
-            });
+            };
         }
-        (self.first, of, components, outside)
+        (self.first, of, in_order(self.sums, order, count as usize), outside)
     }
+}
+
+/// The first so many things of an order, without room for all of them twice.
+fn in_order<T>(mut things: Vec<T>, mut order: Vec<u32>, count: usize) -> Vec<T> {
+    for place in 0..things.len() {
+        while (order[place] as usize) < count && order[place] as usize != place {
+            let to = order[place] as usize;
+            things.swap(place, to);
+            order.swap(place, to);
+        }
+    }
+    things.truncate(count);
+    things.shrink_to_fit();
+    things
 }
 
 fn too_many() -> Error {

@@ -3,6 +3,7 @@
 use super::components::Components;
 use super::crossing::each_crossing;
 use super::find::Voids;
+use crate::brick::SignChanges;
 use crate::error::Result;
 use crate::lattice::NodeKey;
 use crate::progress::Progress;
@@ -34,13 +35,14 @@ pub fn boundary_points(
     let is_wanted = |leaf: usize| changes(keys[leaf]) && has_void(leaf);
     let make = |number: usize, leaf: &Leaf<'_>, components: &Components| {
         let mut points = Vec::new();
-        each_crossing(leaf.key, leaf.brick, |crossing| {
-            let mut outer = crossing.low;
-            outer[crossing.axis.index()] += usize::from(crossing.low_is_inside);
-            let void = labelling.of(number, components.at(outer)).map_or(0, |component| numbers[component]);
-            if void > 0 {
-                points.push((void, BoundaryPoint { at: crossing.at, normal: crossing.normal }));
-            }
+        let pick = |signs: &SignChanges, outer| {
+            let void = labelling
+                .of(number, components.at_signs(signs, outer))
+                .map_or(0, |component| numbers[component]);
+            (void > 0).then_some(void)
+        };
+        each_crossing(leaf.key, leaf.brick, pick, |void, crossing| {
+            points.push((void, BoundaryPoint { at: crossing.at, normal: crossing.normal }));
         });
         Ok(points)
     };

@@ -16,6 +16,37 @@ pub(super) struct Point {
 /// Stands for the outside in [`Point::component`].
 pub(super) const OUTER: u32 = u32::MAX;
 
+/// Points by component, and those of one in the order in which they came.
+pub(super) struct ByComponent {
+    points: Vec<Point>,
+    /// By component, the first of its points; the number of all at the end.
+    first: Vec<u32>,
+}
+
+impl ByComponent {
+    /// Of points that belong to components.
+    pub fn of(points: &[Point]) -> ByComponent {
+        let components = points.iter().map(|point| point.component as usize + 1).max().unwrap_or(0);
+        let mut next = vec![0u32; components + 1];
+        points.iter().for_each(|point| next[point.component as usize + 1] += 1);
+        (1..next.len()).for_each(|n| next[n] += next[n - 1]);
+        let first = next.clone();
+        let mut sorted = points.to_vec();
+        for point in points {
+            let place = &mut next[point.component as usize];
+            sorted[*place as usize] = *point;
+            *place += 1;
+        }
+        ByComponent { points: sorted, first }
+    }
+
+    /// Those of one component.
+    pub fn points(&self, component: u32) -> &[Point] {
+        let ends = self.first.get(component as usize..component as usize + 2);
+        ends.map_or(&[], |ends| &self.points[ends[0] as usize..ends[1] as usize])
+    }
+}
+
 /// Points in a leaf of the tree.
 const LEAF_POINTS: usize = 16;
 
@@ -85,11 +116,6 @@ impl PointTree {
         PointTree { points, nodes }
     }
 
-    /// All points.
-    pub fn points(&self) -> &[Point] {
-        &self.points
-    }
-
     /// The nearest point to `from` of those that count, if one is nearer than `within`, and how far it is.
     pub fn nearest(
         &self,
@@ -101,8 +127,8 @@ impl PointTree {
         search.run((&self.points, &self.nodes))
     }
 
-    /// Whether some point is nearer than `within`.
-    pub fn is_any(&self, from: [f64; 3], within: f64) -> bool {
+    /// Some point that is nearer than `within`.
+    fn any(&self, from: [f64; 3], within: f64) -> Option<&Point> {
         any_nearer((&self.points, &self.nodes), from, within * within)
     }
 
@@ -129,11 +155,11 @@ fn arrange(points: &mut [Point], nodes: &mut [PointNode]) {
     if count <= LEAF_POINTS {
         return;
     }
-    let axis = node.longest_axis();
-    points.select_nth_unstable_by(middle, |a, b| {
-        let places = a.at.iter().zip(&b.at).map(|(a, b)| a.total_cmp(b));
-        places.fold(a.at[axis].total_cmp(&b.at[axis]), std::cmp::Ordering::then)
-    });
+    match node.longest_axis() {
+        0 => halve::<0>(points, middle),
+        1 => halve::<1>(points, middle),
+        _ => halve::<2>(points, middle),
+    }
     let lower = nodes_of(middle);
     node.lower = lower as u32;
     let ((low, high), (low_nodes, high_nodes)) = (points.split_at_mut(middle), below.split_at_mut(lower));
@@ -143,6 +169,14 @@ fn arrange(points: &mut [Point], nodes: &mut [PointNode]) {
     } else {
         rayon::join(|| arrange(low, low_nodes), || arrange(high, high_nodes));
     }
+}
+
+/// Brings the lower points along an axis before the middle.
+fn halve<const AXIS: usize>(points: &mut [Point], middle: usize) {
+    points.select_nth_unstable_by(middle, |a, b| {
+        let along = |axis: usize| a.at[axis].total_cmp(&b.at[axis]);
+        along(AXIS).then_with(|| along(0).then_with(|| along(1)).then_with(|| along(2)))
+    });
 }
 
 /// The points and the nodes of a part of the tree.
@@ -156,22 +190,26 @@ fn halves<'a>((points, nodes): Part<'a>) -> Option<[Part<'a>; 2]> {
     (lower > 0).then(|| [low, (&points[middle..], &nodes[1 + lower..])])
 }
 
-/// Whether one of the points is nearer than the root of `squared`. The first that is found ends the search.
-fn any_nearer(part: Part<'_>, from: [f64; 3], squared: f64) -> bool {
+/// One of the points that are nearer than the root of `squared`: the first that is found ends the search.
+fn any_nearer<'a>(part: Part<'a>, from: [f64; 3], squared: f64) -> Option<&'a Point> {
     if part.1[0].squared(from) >= squared {
-        return false;
+        return None;
     }
     match halves(part) {
-        None => part.0.iter().any(|point| {
-            let away = minus(point.at.map(f64::from), from);
-            dot(away, away) < squared
-        }),
+        None => part.0.iter().find(|point| is_nearer(point.at, from, squared)),
         Some([low, high]) => {
             let (near, far) =
                 if high.1[0].squared(from) < low.1[0].squared(from) { (high, low) } else { (low, high) };
-            any_nearer(near, from, squared) || any_nearer(far, from, squared)
+            any_nearer(near, from, squared).or_else(|| any_nearer(far, from, squared))
         }
     }
+}
+
+/// Whether a place is nearer than the root of `squared`.
+#[inline]
+fn is_nearer(at: [f32; 3], from: [f64; 3], squared: f64) -> bool {
+    let away = minus(at.map(f64::from), from);
+    dot(away, away) < squared
 }
 
 impl<'a, F: Fn(&Point) -> bool> Search<'a, F> {
@@ -215,13 +253,15 @@ impl<'a, F: Fn(&Point) -> bool> Search<'a, F> {
 pub(super) fn inscribed(tree: &PointTree, largest: f64, step: f64) -> f64 {
     const STEPS: usize = 40;
     let mut best = 0.0f64;
+    // What lay in the ball of one point lies most often in those of the next.
+    let mut seen = RecentPoints::default();
     for point in &tree.points {
         let (at, normal) = (point.at.map(f64::from), point.normal.map(f64::from));
         let centre = |radius: f64| [0, 1, 2].map(|a| at[a] + radius * normal[a]);
         let mut radius = largest;
         // One that cannot become the largest is soon told: in a round void nearly any point lies in a ball that is larger.
         let larger = best + 0.5 * step;
-        if best > 0.0 && tree.is_any(centre(larger), larger * (1.0 - 1e-6)) {
+        if best > 0.0 && seen.is_any(tree, centre(larger), larger * (1.0 - 1e-6)) {
             continue;
         }
         for _ in 0..STEPS {
@@ -239,6 +279,87 @@ pub(super) fn inscribed(tree: &PointTree, largest: f64, step: f64) -> f64 {
         best = best.max(radius);
     }
     2.0 * best
+}
+
+/// Points that were found to be near others.
+#[derive(Default)]
+struct RecentPoints {
+    points: [Option<[f32; 3]>; 4],
+    next: usize,
+}
+
+impl RecentPoints {
+    /// Whether some point is nearer than `within`; these are asked first.
+    fn is_any(&mut self, tree: &PointTree, from: [f64; 3], within: f64) -> bool {
+        if self.points.iter().flatten().any(|at| is_nearer(*at, from, within * within)) {
+            return true;
+        }
+        let found = tree.any(from, within);
+        if let Some(point) = found {
+            self.points[self.next] = Some(point.at);
+            self.next = (self.next + 1) % self.points.len();
+        }
+        found.is_some()
+    }
+}
+
+/// The least distance of the pieces of surface around points of one component from those of others, if there are any. Parts
+/// of the tree that are too far away are left out as a whole.
+pub(super) fn gap(own: &PointTree, others: &PointTree, component: u32, reach: f64) -> Option<f64> {
+    let mut search = GapSearch { others, component, reach, best: f64::INFINITY };
+    search.part((&own.points, &own.nodes));
+    search.best.is_finite().then_some(search.best)
+}
+
+struct GapSearch<'a> {
+    others: &'a PointTree,
+    component: u32,
+    reach: f64,
+    best: f64,
+}
+
+impl GapSearch<'_> {
+    fn part(&mut self, part: Part<'_>) {
+        let Some(parts) = halves(part) else {
+            part.0.iter().for_each(|point| self.point(point));
+            return;
+        };
+        let mut parts = parts.map(|part| (self.least(part), part));
+        if parts[1].0 < parts[0].0 {
+            parts.reverse();
+        }
+        // What is nearer may make the other one too far.
+        for (least, part) in parts {
+            if least < self.within() {
+                self.part(part);
+            }
+        }
+    }
+
+    /// Points as far away as this do not count any more.
+    fn within(&self) -> f64 {
+        /// More than rounding.
+        const WIDER: f64 = 1.0 + 1e-6;
+        (self.best + self.reach) * WIDER
+    }
+
+    /// No point of a part is nearer to others than this; infinite if none of them counts any more.
+    fn least(&self, part: Part<'_>) -> f64 {
+        let PointNode { low, high, .. } = part.1[0];
+        let [low, high] = [low, high].map(|corner| corner.map(f64::from));
+        let middle = [0, 1, 2].map(|a| 0.5 * (low[a] + high[a]));
+        let half = minus(high, middle);
+        let radius = dot(half, half).sqrt();
+        let found = self.others.nearest_beside(middle, self.within() + radius, self.component);
+        found.map_or(f64::INFINITY, |(distance, _)| distance - radius)
+    }
+
+    fn point(&mut self, point: &Point) {
+        let at = point.at.map(f64::from);
+        if let Some((_, other)) = self.others.nearest_beside(at, self.best + self.reach, self.component) {
+            self.best = self.best.min(distance(at, other, self.reach));
+        }
+    }
 }
 
 /// How far a point is from the piece of surface around another: from its plane where that piece is near, else from the point.
@@ -280,6 +401,36 @@ mod tests {
             assert!(tree.nearest(from, 0.9 * expected, |p| p.component != 1).is_none());
             assert_eq!(tree.nearest_beside(from, f64::INFINITY, 1), Some(found));
         }
+    }
+
+    #[test]
+    fn gaps_are_those_of_a_search_from_all_points() {
+        let normal = |n: u64| {
+            let at = [0, 1, 2].map(|a| random(7000 + 3 * n + a) - 0.5);
+            at.map(|c| (c / dot(at, at).sqrt()) as f32)
+        };
+        let point = |n: u64| {
+            let component = (n % 5) as u32;
+            let at = [0, 1, 2].map(|a| (f64::from(component) * 15.0 + 40.0 * random(3 * n + a)) as f32);
+            Point { at, normal: normal(n), component }
+        };
+        let points: Vec<Point> = (0..4000).map(point).collect();
+        let (by_component, others) = (ByComponent::of(&points), PointTree::new(points.clone()));
+        let reach = 0.75;
+        for component in 0..5 {
+            let own = by_component.points(component);
+            assert!(own.len() == 800 && own.iter().all(|point| point.component == component));
+            let to_next = |point: &Point| {
+                let at = point.at.map(f64::from);
+                let (_, other) = others.nearest_beside(at, f64::INFINITY, component).unwrap();
+                distance(at, other, reach)
+            };
+            let expected = own.iter().map(to_next).fold(f64::INFINITY, f64::min);
+            assert_eq!(gap(&PointTree::new(own.to_vec()), &others, component, reach), Some(expected));
+        }
+        let alone = PointTree::new(by_component.points(0).to_vec());
+        assert_eq!(gap(&alone, &alone, 0, reach), None);
+        assert!(by_component.points(5).is_empty());
     }
 
     #[test]

@@ -10,9 +10,10 @@ use super::labelling::Labelling;
 use super::wanted::WantedVoids;
 use crate::contour::{Bend, EdgeFacet, edge_facets};
 use crate::error::Result;
-use crate::lattice::{NodeKey, RootCube, cross, dot, minus};
+use crate::lattice::{NodeKey, RootCube, cross, dot, minus, mix};
 use crate::progress::Progress;
 use crate::store::{BrickTree, MovedTree};
+use crate::wide::{dispatch, level};
 use std::collections::BTreeMap;
 
 /// Directions in which the farthest vertices of a void are kept, to find the smallest ball around it.
@@ -42,9 +43,14 @@ pub struct VoidSurface {
     first: [f64; 3],
     /// Its triangles, if they were asked for, turned to face out of the void.
     pub mesh: Vec<[[f32; 3]; 3]>,
-    /// The farthest vertices in some directions, once it has any.
+    /// The farthest vertices in some directions, once it has any and until it is complete.
     farthest: Option<Box<[[f32; 3]; DIRECTIONS]>>,
+    /// The diameter of the smallest ball around these, once it is complete.
+    pub diameter: f64,
 }
+
+/// Directions by coordinate.
+type Directions = [[f64; DIRECTIONS]; 3];
 
 impl Default for VoidSurface {
     fn default() -> VoidSurface {
@@ -58,12 +64,13 @@ impl Default for VoidSurface {
             first: [0.0; 3],
             mesh: Vec::new(),
             farthest: None,
+            diameter: 0.0,
         }
     }
 }
 
 impl VoidSurface {
-    fn add(&mut self, other: VoidSurface, directions: &[[f64; 3]; DIRECTIONS]) {
+    fn add(&mut self, other: VoidSurface, directions: &Directions) {
         self.mesh.extend(&other.mesh);
         for a in 0..3 {
             self.projected[a] += other.projected[a];
@@ -79,23 +86,58 @@ impl VoidSurface {
         }
         match (&mut self.farthest, other.farthest) {
             (Some(own), Some(other)) => {
-                own.iter_mut()
-                    .zip(*other)
-                    .zip(directions)
-                    .for_each(|((own, at), n)| keep_farthest(own, at, *n));
+                for (n, (own, at)) in own.iter_mut().zip(*other).enumerate() {
+                    let far = |at: [f32; 3]| dot(at.map(f64::from), directions.map(|along| along[n]));
+                    if far(at) > far(*own) {
+                        *own = at;
+                    }
+                }
             }
             (own @ None, other) => *own = other,
             (Some(_), None) => {}
         }
     }
 
-    fn vertex(&mut self, at: [f32; 3], directions: &[[f64; 3]; DIRECTIONS]) {
-        let [low, high] = &mut self.bounds;
-        for ((low, high), at) in low.iter_mut().zip(high).zip(at.map(f64::from)) {
-            (*low, *high) = (low.min(at), high.max(at));
+    /// Takes vertices into the box and among the farthest; of equally far ones the first in Morton order stays.
+    fn vertices(&mut self, vertices: &[[f32; 3]], directions: &Directions) {
+        dispatch!(level(), _simd => self.vertices_with(vertices, directions));
+    }
+
+    #[inline(always)]
+    fn vertices_with(&mut self, vertices: &[[f32; 3]], directions: &Directions) {
+        let Some(&first) = vertices.first() else { return };
+        let farthest = self.farthest.get_or_insert_with(|| Box::new([first; DIRECTIONS]));
+        let mut far: [f64; DIRECTIONS] =
+            std::array::from_fn(|n| dot(farthest[n].map(f64::from), directions.map(|along| along[n])));
+        for &at in vertices {
+            let place = at.map(f64::from);
+            for (a, place) in place.into_iter().enumerate() {
+                self.bounds[0][a] = self.bounds[0][a].min(place);
+                self.bounds[1][a] = self.bounds[1][a].max(place);
+            }
+            let (mut here, mut farther) = ([0.0; DIRECTIONS], 0);
+            for n in 0..DIRECTIONS {
+                let [x, y, z] = [directions[0][n], directions[1][n], directions[2][n]];
+                here[n] = place[0] * x + place[1] * y + place[2] * z;
+                farther |= u64::from(here[n] > far[n]);
+            }
+            if farther == 0 {
+                continue;
+            }
+            for n in 0..DIRECTIONS {
+                if here[n] > far[n] {
+                    (farthest[n], far[n]) = (at, here[n]);
+                }
+            }
         }
-        let farthest = self.farthest.get_or_insert_with(|| Box::new([at; DIRECTIONS]));
-        farthest.iter_mut().zip(directions).for_each(|(own, n)| keep_farthest(own, at, *n));
+    }
+
+    /// Finds the smallest ball around it; nothing is to be added any more.
+    fn complete(&mut self) {
+        let points = self.farthest.take();
+        let points: Vec<[f64; 3]> =
+            points.iter().flat_map(|all| all.iter()).map(|at| at.map(f64::from)).collect();
+        self.diameter = 2.0 * smallest_ball(&points);
     }
 
     /// Moves places by a vector, but for those that count from its centre.
@@ -118,24 +160,10 @@ impl VoidSurface {
         let most = spread.iter().copied().fold(0.0, f64::max);
         (least > 1e-9 * most).then(|| (most / least).sqrt())
     }
-
-    /// The diameter of the smallest ball around the farthest vertices.
-    pub fn diameter(&self) -> f64 {
-        let points = self.farthest.iter().flat_map(|all| all.iter());
-        2.0 * smallest_ball(&points.map(|at| at.map(f64::from)).collect::<Vec<_>>())
-    }
 }
 
-/// Keeps the vertex that lies farther in a direction; of equally far ones the first in Morton order.
-#[inline]
-fn keep_farthest(own: &mut [f32; 3], at: [f32; 3], direction: [f64; 3]) {
-    let far = |at: [f32; 3]| dot(at.map(f64::from), direction);
-    if far(at) > far(*own) {
-        *own = at;
-    }
-}
-
-/// The surfaces of the components that `centre` gives a point to measure from, in the world, by component.
+/// The surfaces of the components that `centre` gives a point to measure from, in the world. Calls `each` with a component and
+/// its surface as soon as that is complete; no surface is kept longer.
 ///
 /// # Errors
 /// As [`edge_facets`].
@@ -145,46 +173,129 @@ pub(super) fn surfaces(
     centre: &(dyn Fn(usize) -> Option<[f64; 3]> + Sync),
     (cache_bytes, meshes): (usize, bool),
     progress: &dyn Progress,
-) -> Result<BTreeMap<usize, VoidSurface>> {
+    mut each: impl FnMut(usize, VoidSurface) + Send,
+) -> Result<()> {
     // Corners have coordinates of 32 bits.
     let origin = if MovedTree::is_far(tree) { MovedTree::middle(tree) } else { [0.0; 3] };
     let tree = &MovedTree::new(tree, origin);
-    let root = tree.root();
     let directions = directions();
     let wanted = (0..labelling.components.len()).map(|component| centre(component).is_some()).collect();
-    let voids = WantedVoids::new(tree, labelling, wanted);
+    // A part of the memory is for labels of leaves that wait for their vertices.
+    let label_bytes = cache_bytes / 8;
+    let voids = WantedVoids::new(tree, labelling, wanted, label_bytes);
     let is_wanted = |key: NodeKey| voids.is_in(labelling.order.covering(key));
+    let spans = labelling.leaf_spans();
+    let centre = |component: usize| centre(component).map_or([0.0; 3], |centre| minus(centre, origin));
     let make = |key: NodeKey, facets: &[EdgeFacet]| {
         let leaf = labelling.order.covering(key);
-        let components = labelling.components_of(tree, leaf)?;
-        let mut surfaces: BTreeMap<usize, VoidSurface> = BTreeMap::new();
-        let mut facets: Vec<&EdgeFacet> = facets.iter().collect();
-        facets.sort_by_key(|facet| (facet.axis, facet.low));
-        for polygon in facets.chunk_by(|a, b| (a.axis, a.low) == (b.axis, b.low)) {
-            let edge = polygon[0];
-            let mut outer = edge.low;
-            outer[edge.axis.index()] += usize::from(edge.low_is_inside);
-            let Some(component) = labelling.of(leaf, components.at(outer)) else { continue };
-            let Some(centre) = centre(component) else { continue };
-            let surface = surfaces.entry(component).or_default();
-            if meshes {
-                surface.mesh.extend(polygon.iter().map(|facet| {
-                    let [a, b, c] = facet.corners;
-                    [a, c, b]
-                }));
-            }
-            add_polygon(surface, polygon, crossing(root, key, edge), minus(centre, origin), &directions);
+        let mut surfaces = of_leaf(key, facets, (&voids, labelling), (&centre, meshes), &directions)?;
+        let is_whole = |component: &usize| spans[*component] == [leaf as u32; 2];
+        for (_, surface) in surfaces.iter_mut().filter(|(component, _)| is_whole(component)) {
+            surface.complete();
         }
-        Ok(surfaces)
+        Ok((leaf as u32, surfaces))
     };
-    let mut all: BTreeMap<usize, VoidSurface> = BTreeMap::new();
-    edge_facets(&voids, cache_bytes, (Bend::Slight, is_wanted), progress, make, |surfaces| {
-        for (component, surface) in surfaces {
-            all.entry(component).or_default().add(surface, &directions);
+    let mut rest: BTreeMap<usize, VoidSurface> = BTreeMap::new();
+    edge_facets(
+        &voids,
+        cache_bytes - label_bytes,
+        (Bend::Slight, is_wanted),
+        progress,
+        make,
+        |(leaf, surfaces)| {
+            for (component, surface) in surfaces {
+                let [first, last] = spans[component];
+                if first == last {
+                    each(component, surface.moved(origin));
+                    continue;
+                }
+                rest.entry(component).or_default().add(surface, &directions);
+                if leaf == last
+                    && let Some(mut surface) = rest.remove(&component)
+                {
+                    surface.complete();
+                    each(component, surface.moved(origin));
+                }
+            }
+            Ok(())
+        },
+    )?;
+    // The last leaves of these have nothing of their surfaces.
+    for (component, mut surface) in rest {
+        surface.complete();
+        each(component, surface.moved(origin));
+    }
+    Ok(())
+}
+
+/// What a leaf has of a surface.
+#[derive(Default)]
+struct LeafSurface {
+    surface: VoidSurface,
+    /// From where the surface is measured.
+    centre: [f64; 3],
+    /// Of its triangles, those of one after the other.
+    vertices: Vec<[f32; 3]>,
+}
+
+/// What a leaf has of surfaces, by component.
+fn of_leaf(
+    key: NodeKey,
+    facets: &[EdgeFacet],
+    (voids, labelling): (&WantedVoids<'_>, &Labelling),
+    (centre, meshes): (&dyn Fn(usize) -> [f64; 3], bool),
+    directions: &Directions,
+) -> Result<BTreeMap<usize, VoidSurface>> {
+    let (root, leaf) = (voids.root(), labelling.order.covering(key));
+    let only = voids.only_in(leaf);
+    let labels = if only.is_none() { Some(voids.labels_of(leaf)?) } else { None };
+    let mut surfaces: BTreeMap<usize, LeafSurface> = BTreeMap::new();
+    for polygon in in_polygons(facets).chunk_by(|a, b| (a.axis, a.low) == (b.axis, b.low)) {
+        let edge = polygon[0];
+        let mut outer = edge.low;
+        outer[edge.axis.index()] += usize::from(edge.low_is_inside);
+        let of = || labelling.of(leaf, labels.as_ref()?.at(outer)?);
+        let Some(component) = only.or_else(of) else { continue };
+        let new = || LeafSurface { centre: centre(component), ..LeafSurface::default() };
+        let LeafSurface { surface, centre, vertices } = surfaces.entry(component).or_insert_with(new);
+        if meshes {
+            surface.mesh.extend(polygon.iter().map(|facet| {
+                let [a, b, c] = facet.corners;
+                [a, c, b]
+            }));
         }
-        Ok(())
-    })?;
-    Ok(all.into_iter().map(|(component, surface)| (component, surface.moved(origin))).collect())
+        add_polygon(surface, polygon, crossing(root, key, edge), *centre);
+        polygon.iter().for_each(|facet| vertices.extend(facet.corners));
+    }
+    let surface = |(component, of_leaf): (usize, LeafSurface)| {
+        let mut surface = of_leaf.surface;
+        surface.vertices(&without_repeats(of_leaf.vertices), directions);
+        (component, surface)
+    };
+    Ok(surfaces.into_iter().map(surface).collect())
+}
+
+/// Facets by the edges that their polygons are around.
+fn in_polygons(facets: &[EdgeFacet]) -> Vec<&EdgeFacet> {
+    let key = |(n, facet): (usize, &EdgeFacet)| {
+        let [i, j, k] = facet.low.map(|c| c as u64);
+        (facet.axis.index() as u64) << 56 | i << 48 | j << 40 | k << 32 | n as u64
+    };
+    let mut order: Vec<u64> = facets.iter().enumerate().map(key).collect();
+    order.sort_unstable();
+    order.iter().map(|key| &facets[*key as u32 as usize]).collect()
+}
+
+/// Vertices in their order without most of those that came before: neighbours have them in common.
+fn without_repeats(mut vertices: Vec<[f32; 3]>) -> Vec<[f32; 3]> {
+    const SEEN: usize = 1 << 9;
+    let mut seen = [[f32::NAN; 3]; SEEN];
+    vertices.retain(|at| {
+        let bits = at.map(|c| u64::from(c.to_bits()));
+        let place = mix(bits[0] ^ bits[1] << 21 ^ bits[2] << 42) as usize % SEEN;
+        std::mem::replace(&mut seen[place], *at) != *at
+    });
+    vertices
 }
 
 /// Where the surface crosses the edge of a facet, in the world.
@@ -196,13 +307,7 @@ fn crossing(root: RootCube, key: NodeKey, facet: &EdgeFacet) -> [f64; 3] {
 }
 
 /// Adds the triangles of one polygon.
-fn add_polygon(
-    surface: &mut VoidSurface,
-    polygon: &[&EdgeFacet],
-    crossing: [f64; 3],
-    centre: [f64; 3],
-    directions: &[[f64; 3]; DIRECTIONS],
-) {
+fn add_polygon(surface: &mut VoidSurface, polygon: &[&EdgeFacet], crossing: [f64; 3], centre: [f64; 3]) {
     let axis = polygon[0].axis.index();
     let (mut area, mut vector, mut miss) = (0.0, [0.0; 3], None);
     for facet in polygon {
@@ -221,7 +326,6 @@ fn add_polygon(
         surface.volume -= dot(minus(a, centre), doubled) / 6.0;
         vector = [0, 1, 2].map(|n| vector[n] + 0.5 * doubled[n]);
         miss = miss.or_else(|| height(axis, [a, b, c], crossing));
-        facet.corners.iter().for_each(|corner| surface.vertex(*corner, directions));
     }
     surface.area += area;
     surface.open = [0, 1, 2].map(|n| surface.open[n] + vector[n]);
@@ -274,9 +378,9 @@ fn spreads(mut m: [[f64; 3]; 3]) -> [f64; 3] {
 }
 
 /// Directions all round, evenly, on a spiral; and the axes, both ways.
-fn directions() -> [[f64; 3]; DIRECTIONS] {
+fn directions() -> Directions {
     const ALONG_AXES: usize = 6;
-    std::array::from_fn(|n| {
+    let all: [[f64; 3]; DIRECTIONS] = std::array::from_fn(|n| {
         if n < ALONG_AXES {
             let mut axis = [0.0; 3];
             axis[n / 2] = if n % 2 == 0 { 1.0 } else { -1.0 };
@@ -287,5 +391,6 @@ fn directions() -> [[f64; 3]; DIRECTIONS] {
         let turn = (n - ALONG_AXES) as f64 * std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let across = (1.0 - z * z).sqrt();
         [across * turn.cos(), across * turn.sin(), z]
-    })
+    });
+    [0, 1, 2].map(|a| all.map(|direction| direction[a]))
 }

@@ -42,7 +42,7 @@ pub struct Void {
     /// Least distance to the outer surface.
     pub edge_distance: Option<f64>,
     /// The beads around it, where the store tells them apart.
-    pub trace: Option<Trace>,
+    pub trace: Option<Box<Trace>>,
     /// Longest over shortest side of the box along the principal axes of its surface.
     pub elongation: Option<f64>,
     /// Areas of the shadows along x, y and z, of which parts that lie behind others count as well.
