@@ -2,11 +2,12 @@
 
 use super::answers::{BallAt, Foot, Place};
 use super::around::{AROUND, Around};
-use super::boxes::{Block, Lanes, Normals, Probe, Question, WIDE, reciprocals};
+use super::boxes::{Block, Lanes, Normals, Probe, Question, reciprocals};
 use super::patch::{Patch, Shape, Touch};
 use super::piece::Piece;
 use crate::error::Result;
 use crate::lattice::{dot, minus};
+use crate::wide::{Select, Simd, SimdBase, SimdMask, f32x8};
 
 /// Feet that are as near as this part of their squares are equally near: of a crease, found from its two sides.
 const TIE: f64 = 2e-6;
@@ -27,7 +28,7 @@ pub(super) trait PatchQuestion {
     fn count_from(&mut self, base: [f64; 3], size: f32);
 
     /// See [`Question::nearness`].
-    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE];
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S>;
 
     /// See [`Question::counts`].
     fn counts(&self, nearness: f32) -> bool;
@@ -44,12 +45,12 @@ pub(super) struct OfPiece<'a, Q> {
 }
 
 impl<Q: PatchQuestion> Question for OfPiece<'_, Q> {
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
-        self.question.nearness(boxes, normals)
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S> {
+        self.question.nearness(simd, boxes, normals)
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         self.question.counts(nearness)
     }
@@ -64,6 +65,12 @@ impl<Q: PatchQuestion> Question for OfPiece<'_, Q> {
 /// A limit in 32 bits that excludes nothing.
 fn limit(most: f64) -> f32 {
     (most as f32).next_up()
+}
+
+/// The greatest number of 32 bits that is not above a number.
+fn below(most: f64) -> f32 {
+    let near = most as f32;
+    if f64::from(near) > most { near.next_down() } else { near }
 }
 
 /// The pieces whose boxes meet a block, in order.
@@ -84,8 +91,8 @@ impl PiecesIn {
 }
 
 impl Question for PiecesIn {
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.meeting(&self.block).map(|meets| if meets { 0.0 } else { f32::INFINITY })
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.meeting(simd, &self.block)
     }
 
     fn counts(&self, _: f32) -> bool {
@@ -155,12 +162,12 @@ impl PatchQuestion for NearestQuery {
         self.probe = Probe::new(minus(self.from, base), size);
     }
 
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, limit(self.most()))
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.squared_from(simd, &self.probe, limit(self.most()))
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         f64::from(nearness) <= self.most()
     }
@@ -191,12 +198,12 @@ impl PatchQuestion for NormalAround {
         self.probe = Probe::new(minus(self.at, base), size);
     }
 
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, limit(AROUND * AROUND))
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.squared_from(simd, &self.probe, limit(AROUND * AROUND))
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, _: f32) -> bool {
         true
     }
@@ -241,12 +248,12 @@ impl PatchQuestion for RayQuery {
         self.probe = Probe::new(minus(self.from, base), size);
     }
 
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.entered(&self.probe, self.over, limit(self.most))
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.entered(simd, &self.probe, self.over, limit(self.most))
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         f64::from(nearness) <= self.most
     }
@@ -272,6 +279,8 @@ pub(super) struct Ball {
     toward: [f64; 3],
     outward: [f64; 3],
     apart: f64,
+    /// The same for boxes: a number of 32 bits is greater than `apart` if it is greater than this.
+    apart_box: f32,
     pub radius: f64,
     centre: [f64; 3],
     pub contact: Option<Foot>,
@@ -286,7 +295,8 @@ impl Ball {
         let (base, size) = ([0.0; 3], 0.0);
         let centre = along(at, toward, most);
         let probe = Probe::default();
-        Ball { at, toward, outward, apart, radius: most, centre, contact: None, base, size, probe }
+        let apart_box = below(apart);
+        Ball { at, toward, outward, apart, apart_box, radius: most, centre, contact: None, base, size, probe }
     }
 
     /// The square of the distance from the centre below which a patch shrinks the ball.
@@ -334,20 +344,18 @@ impl PatchQuestion for Ball {
         self.probe = Probe::new(minus(self.centre, base), size);
     }
 
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
-        let mut near = boxes.squared_from(&self.probe, limit(self.radius * self.radius));
-        if let Some(normals) = normals.filter(|_| near.iter().any(|near| near.is_finite())) {
-            let cosines = normals.least_cosines(self.outward.map(|c| c as f32));
-            for (near, cosine) in near.iter_mut().zip(cosines) {
-                *near = if f64::from(cosine) > self.apart { f32::INFINITY } else { *near };
-            }
-        }
-        near
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S> {
+        let near = boxes.squared_from(simd, &self.probe, limit(self.radius * self.radius));
+        let far = f32x8::splat(simd, f32::INFINITY);
+        let Some(normals) = normals.filter(|_| near.simd_lt(far).any_true()) else { return near };
+        let [x, y, z] = self.outward;
+        let cosines = normals.least_cosines(simd, [x as f32, y as f32, z as f32]);
+        cosines.simd_gt(f32x8::splat(simd, self.apart_box)).select(far, near)
     }
 
     /// The centre may have moved since, so that boxes have to be asked again.
-    #[inline]
+    #[inline(always)]
     fn counts(&self, _: f32) -> bool {
         true
     }
