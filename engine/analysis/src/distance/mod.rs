@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `patch` | one patch: its nearest point, where a ray meets it |
 //! | `quadratic` | the form that bends it |
+//! | `polygons` | the polygons that patches are made of, and which share corners |
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
 //! | `sides` | inside or outside, by samples |
@@ -53,6 +54,7 @@ mod numbers;
 pub mod offset;
 mod patch;
 mod piece;
+mod polygons;
 mod quadratic;
 mod questions;
 mod regions;
