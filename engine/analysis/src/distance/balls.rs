@@ -96,9 +96,9 @@ impl Question for Near {
         true
     }
 
-    fn visit(&mut self, thing: usize) -> Result<()> {
+    fn visit(&mut self, thing: usize) -> Result<bool> {
         self.found.push(thing);
-        Ok(())
+        Ok(false)
     }
 }
 

@@ -20,6 +20,8 @@ const ROUNDING: f32 = 2e-6;
 const DIFFERENCE: f32 = 2.5e-7;
 /// Components of unit normals are counted in such parts.
 const NORMAL_STEPS: f32 = 127.0;
+/// So many things are sifted rather than visited one by one.
+const SIFTED: usize = 2;
 
 /// Nothing at all.
 const EMPTY: Block = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
@@ -76,8 +78,14 @@ pub(super) trait Question {
     /// Whether what is so near still counts, which what was found decides.
     fn counts(&self, nearness: f32) -> bool;
 
-    /// Looks at a thing.
-    fn visit(&mut self, thing: usize) -> Result<()>;
+    /// Bits of those of eight things from `first` on that may count. Asked again after each that changed what is known.
+    #[inline(always)]
+    fn sift<S: Simd>(&self, _simd: S, _first: usize) -> u64 {
+        u64::MAX
+    }
+
+    /// Looks at a thing; tells whether it changed what is known.
+    fn visit(&mut self, thing: usize) -> Result<bool>;
 }
 
 impl Probe {
@@ -236,45 +244,84 @@ impl Boxes {
         let (mut level, mut node, mut count) = (self.levels.len() - 1, 0, 0);
         loop {
             let at = self.levels[level] + node;
-            let first = count;
             let near = question.nearness(simd, &self.nodes[at], self.normals.get(at));
-            let mut left = near.simd_lt(f32x8::splat(simd, f32::INFINITY)).to_bitmask();
-            let mut nearness = [0.0; WIDE];
-            near.store_slice(&mut nearness);
-            // The nearest is looked at first, and stands last. Of those as near the first is.
-            while left != 0 {
-                let slot = left.trailing_zeros() as usize % WIDE;
-                left &= left - 1;
-                let near = nearness[slot];
-                let mut place = count;
-                while place > first && waiting[place - 1].near <= near {
-                    waiting[place] = waiting[place - 1];
-                    place -= 1;
-                }
-                waiting[place] = WaitingNode { near, node: (node * WIDE + slot) as u32, level: level as u32 };
-                count += 1;
+            let below = count;
+            count += nearest_last(simd, near, node, level, &mut waiting[below..]);
+            if level == 0 {
+                self.visit_runs(simd, question, node, &waiting[below..count])?;
+                count = below;
             }
-            loop {
-                if count == 0 {
-                    return Ok(());
-                }
+            // What was found since may exclude some.
+            while count > 0 && !question.counts(waiting[count - 1].near) {
                 count -= 1;
-                let next = waiting[count];
-                // What was found since may exclude it.
-                if !question.counts(next.near) {
-                    continue;
-                }
-                if next.level > 0 {
-                    (level, node) = (next.level as usize - 1, next.node as usize);
-                    break;
-                }
-                let first = next.node as usize * self.per_run;
-                for thing in first..(first + self.per_run).min(self.things) {
-                    question.visit(thing)?;
+            }
+            if count == 0 {
+                return Ok(());
+            }
+            count -= 1;
+            let next = waiting[count];
+            (level, node) = (next.level as usize - 1, next.node as usize);
+        }
+    }
+
+    /// Shows the things in the runs of a node, of which the nearest stands last.
+    #[inline(always)]
+    fn visit_runs<S: Simd>(
+        &self,
+        simd: S,
+        question: &mut impl Question,
+        node: usize,
+        runs: &[WaitingNode],
+    ) -> Result<()> {
+        let is_sifted = self.per_run == 1 && runs.len() >= SIFTED;
+        let mut may_count = if is_sifted { question.sift(simd, node * WIDE) } else { u64::MAX };
+        for run in runs.iter().rev() {
+            if !question.counts(run.near) {
+                break;
+            }
+            let run = run.node as usize;
+            if may_count >> (run % WIDE) & 1 == 0 {
+                continue;
+            }
+            let first = run * self.per_run;
+            for thing in first..(first + self.per_run).min(self.things) {
+                let is_changed = question.visit(thing)?;
+                if is_sifted && is_changed {
+                    may_count = question.sift(simd, node * WIDE);
                 }
             }
         }
+        Ok(())
     }
+}
+
+/// Writes which slots of a node are nearer than infinite, the nearest last, and tells how many. Of those as near the first is
+/// last.
+#[inline(always)]
+fn nearest_last<S: Simd>(
+    simd: S,
+    near: f32x8<S>,
+    node: usize,
+    level: usize,
+    waiting: &mut [WaitingNode],
+) -> usize {
+    let mut left = near.simd_lt(f32x8::splat(simd, f32::INFINITY)).to_bitmask();
+    let mut nearness = [0.0; WIDE];
+    near.store_slice(&mut nearness);
+    let mut count = 0;
+    while left != 0 {
+        let slot = left.trailing_zeros() as usize % WIDE;
+        left &= left - 1;
+        let near = nearness[slot];
+        let mut place = count;
+        while place > 0 && waiting[place - 1].near <= near {
+            waiting[place] = waiting[place - 1];
+            place -= 1;
+        }
+        waiting[place] = WaitingNode { near, node: (node * WIDE + slot) as u32, level: level as u32 };
+        count += 1;
+    }
+    count
 }
 
 /// How many nodes stand over so many runs.
@@ -360,13 +407,13 @@ mod tests {
             f64::from(nearness) <= self.best
         }
 
-        fn visit(&mut self, thing: usize) -> Result<()> {
+        fn visit(&mut self, thing: usize) -> Result<bool> {
             self.visits += 1;
             if dot(self.normals[thing], [0.0, 0.6, 0.8]) <= TURNED {
                 let away = minus(self.points[thing], self.from);
                 self.best = self.best.min(dot(away, away));
             }
-            Ok(())
+            Ok(false)
         }
     }
 

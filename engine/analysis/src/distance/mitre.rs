@@ -251,13 +251,14 @@ impl PatchQuestion for FacesAround {
         true
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let patch = piece.patch(place);
         let at: [f64; 3] = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
         let away = minus(at, self.at);
         if dot(away, away) <= MEET * MEET {
             self.found.push((dot(away, away), place, at, patch.normal.map(f64::from)));
         }
+        false
     }
 }
 
@@ -280,12 +281,12 @@ impl Question for NearestCorner<'_> {
         f64::from(nearness) <= self.within
     }
 
-    fn visit(&mut self, thing: usize) -> Result<()> {
+    fn visit(&mut self, thing: usize) -> Result<bool> {
         let away = minus(self.from, self.corners[thing].0);
         let squared = dot(away, away);
         if squared < self.within {
             (self.within, self.best) = (squared, Some(thing));
         }
-        Ok(())
+        Ok(false)
     }
 }

@@ -11,6 +11,7 @@
 //! | `polygons` | the polygons that patches are made of, and which share corners |
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
+//! | `sift` | which of eight patches a ball may reach |
 //! | `sides` | inside or outside, by samples |
 //! | `brick_feet` | distances from all samples of a brick |
 //! | `spilled` | groups in memory or in a file |
@@ -61,6 +62,7 @@ mod regions;
 mod sample_box;
 mod scalar_mesh;
 mod sides;
+mod sift;
 mod spilled;
 mod surface;
 mod tally;

@@ -2,9 +2,10 @@
 
 use super::answers::{BallAt, Foot, Place};
 use super::around::{AROUND, Around};
-use super::boxes::{Block, Lanes, Normals, Probe, Question, reciprocals};
+use super::boxes::{Block, Lanes, Normals, Probe, Question, WIDE, reciprocals};
 use super::patch::{Patch, Shape, Touch};
 use super::piece::Piece;
+use super::sift::{PieceBall, within_reach};
 use crate::error::Result;
 use crate::lattice::{dot, minus};
 use crate::wide::{Select, Simd, SimdBase, SimdMask, f32x8};
@@ -33,8 +34,14 @@ pub(super) trait PatchQuestion {
     /// See [`Question::counts`].
     fn counts(&self, nearness: f32) -> bool;
 
-    /// Looks at a patch.
-    fn visit(&mut self, piece: &Piece, place: Place);
+    /// See [`Question::sift`].
+    #[inline(always)]
+    fn sift<S: Simd>(&self, _simd: S, _piece: &Piece, _first: usize) -> u64 {
+        u64::MAX
+    }
+
+    /// Looks at a patch; tells whether it changed what [`PatchQuestion::sift`] told.
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool;
 }
 
 /// A question to the patches of one piece.
@@ -55,10 +62,14 @@ impl<Q: PatchQuestion> Question for OfPiece<'_, Q> {
         self.question.counts(nearness)
     }
 
+    #[inline(always)]
+    fn sift<S: Simd>(&self, simd: S, first: usize) -> u64 {
+        self.question.sift(simd, self.piece, first)
+    }
+
     #[inline]
-    fn visit(&mut self, thing: usize) -> Result<()> {
-        self.question.visit(self.piece, Place { leaf: self.leaf, patch: thing as u32 });
-        Ok(())
+    fn visit(&mut self, thing: usize) -> Result<bool> {
+        Ok(self.question.visit(self.piece, Place { leaf: self.leaf, patch: thing as u32 }))
     }
 }
 
@@ -99,9 +110,9 @@ impl Question for PiecesIn {
         true
     }
 
-    fn visit(&mut self, piece: usize) -> Result<()> {
+    fn visit(&mut self, piece: usize) -> Result<bool> {
         self.found.push(piece);
-        Ok(())
+        Ok(false)
     }
 }
 
@@ -172,11 +183,12 @@ impl PatchQuestion for NearestQuery {
         f64::from(nearness) <= self.most()
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let local = minus(self.from, piece.base);
         if let Some(touch) = piece.patch(place).nearest(&piece.rings, local, self.most()) {
             self.take(touch, local, piece.base, place);
         }
+        false
     }
 }
 
@@ -208,13 +220,14 @@ impl PatchQuestion for NormalAround {
         true
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let patch = piece.patch(place);
         let crossing = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
         if self.around.is_near(crossing) {
             let turned = patch.normal_at(minus(self.at, crossing));
             self.around.add(crossing, turned, patch.bend_size());
         }
+        false
     }
 }
 
@@ -258,7 +271,7 @@ impl PatchQuestion for RayQuery {
         f64::from(nearness) <= self.most
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let local = minus(self.from, piece.base);
         let ray = (local, self.toward);
         let met = piece.patch(place).met(&piece.rings, ray, [LEAVE, self.most], self.outward);
@@ -267,6 +280,7 @@ impl PatchQuestion for RayQuery {
             self.most = distance;
             self.first = Some(Foot { at, normal, distance, inside: self.outward, place });
         }
+        false
     }
 }
 
@@ -354,22 +368,32 @@ impl PatchQuestion for Ball {
         cosines.simd_gt(f32x8::splat(simd, self.apart_box)).select(far, near)
     }
 
+    #[inline(always)]
+    fn sift<S: Simd>(&self, simd: S, piece: &Piece, first: usize) -> u64 {
+        let within = [self.within(Shape::Bent), self.within(Shape::Plane)];
+        let centre = minus(self.centre, piece.base);
+        let ball = PieceBall { centre, outward: self.outward, apart: self.apart, within };
+        let last = (first + WIDE).min(piece.patches.len());
+        within_reach(simd, &piece.patches[first..last], &ball)
+    }
+
     /// The centre may have moved since, so that boxes have to be asked again.
     #[inline(always)]
     fn counts(&self, _: f32) -> bool {
         true
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let patch = piece.patch(place);
         if dot(patch.normal.map(f64::from), self.outward) - f64::from(patch.turn()) > self.apart {
-            return;
+            return false;
         }
         let radius = self.radius;
         self.shrink(piece, patch, place);
         if self.radius != radius {
             self.probe = Probe::new(minus(self.centre, self.base), self.size);
         }
+        self.radius != radius
     }
 }
 

@@ -146,14 +146,14 @@ impl Surface {
                 self.1.counts(nearness)
             }
 
-            fn visit(&mut self, leaf: usize) -> Result<()> {
+            fn visit(&mut self, leaf: usize) -> Result<bool> {
                 let OfAll(surface, question) = self;
                 surface.with(leaf, |piece| {
                     question.count_from(piece.base, piece.boxes.size());
                     piece.boxes.search(&mut OfPiece { piece, leaf: leaf as u32, question: *question })
                 })?;
                 question.count_from([0.0; 3], surface.boxes.size());
-                Ok(())
+                Ok(false)
             }
         }
         question.count_from([0.0; 3], self.boxes.size());

@@ -9,6 +9,8 @@ use crate::progress::Progress;
 
 /// How far from a given point its foot on the surface is looked for, in cells.
 const REACH: f64 = 4.0;
+/// Within so many cells it is nearly always.
+const NEAR: f64 = 0.6;
 /// What is opposite of a point whose ray meets nothing is turned by this many degrees against it at least.
 const BESIDE: f64 = 150.0;
 
@@ -127,7 +129,12 @@ pub fn at_world(
     options: Options,
     last: &mut PreviousContact,
 ) -> Result<Option<Measured>> {
-    let Some(foot) = surface.closest(surface.to_cells(world), REACH)? else { return Ok(None) };
+    let from = surface.to_cells(world);
+    let mut foot = surface.closest(from, NEAR)?;
+    if foot.is_none() {
+        foot = surface.closest(from, REACH)?;
+    }
+    let Some(foot) = foot else { return Ok(None) };
     let measured = at(surface, (foot.at, foot.normal), options, last)?;
     Ok(Some(Measured { value: measured.value * surface.cell(), ..measured }))
 }

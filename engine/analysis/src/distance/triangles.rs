@@ -340,12 +340,13 @@ impl<Q: TriangleQuestion> Question for OfGroups<'_, Q> {
         self.question.counts(nearness)
     }
 
-    fn visit(&mut self, thing: usize) -> Result<()> {
+    fn visit(&mut self, thing: usize) -> Result<bool> {
         let (from, question) = (self.from, &mut *self.question);
         self.triangles.groups.with(thing, |group| {
             let probe = Probe::new(from, group.boxes.size());
             group.boxes.search(&mut OfGroup { corners: &group.corners, question, probe })
-        })
+        })?;
+        Ok(false)
     }
 }
 
@@ -368,9 +369,9 @@ impl<Q: TriangleQuestion> Question for OfGroup<'_, Q> {
     }
 
     #[inline]
-    fn visit(&mut self, thing: usize) -> Result<()> {
+    fn visit(&mut self, thing: usize) -> Result<bool> {
         self.question.visit(&self.corners[thing]);
-        Ok(())
+        Ok(false)
     }
 }
 
