@@ -87,7 +87,18 @@ impl Piece {
             block_of(points, if patch.shape == Shape::Bent { highest + 1e-4 } else { 1e-5 })
         };
         let normals = self.patches.iter().map(normals);
-        self.boxes = Boxes::new(self.patches.iter().map(block), RUN).with_normals(normals);
+        let boxes = Boxes::new(self.patches.iter().map(block), RUN).with_normals(normals);
+        let (mut points, mut ends) = (Vec::with_capacity(self.rings.len() + self.patches.len()), Vec::new());
+        for patch in &self.patches {
+            let (corners, margin) = patch.slab(&self.rings);
+            points.extend(corners.map(|c| c.map(|c| c as f32)));
+            points.push(patch.at);
+            ends.push((points.len(), margin as f32));
+        }
+        self.boxes = boxes.with_slabs(|n| {
+            let first = if n > 0 { ends[n - 1].0 } else { 0 };
+            (points[first..ends[n].0].iter().copied(), ends[n].1)
+        });
         self
     }
 

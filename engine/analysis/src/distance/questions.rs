@@ -365,7 +365,11 @@ impl PatchQuestion for Ball {
         let Some(normals) = normals.filter(|_| near.simd_lt(far).any_true()) else { return near };
         let [x, y, z] = self.outward;
         let cosines = normals.least_cosines(simd, [x as f32, y as f32, z as f32]);
-        cosines.simd_gt(f32x8::splat(simd, self.apart_box)).select(far, near)
+        let near = cosines.simd_gt(f32x8::splat(simd, self.apart_box)).select(far, near);
+        if !near.simd_lt(far).any_true() {
+            return near;
+        }
+        boxes.reached(simd, normals, (&self.probe, limit(self.radius)), near)
     }
 
     #[inline(always)]
