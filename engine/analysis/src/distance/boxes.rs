@@ -3,7 +3,7 @@
 //! Eight boxes are compared at once, in 32 bits. What is computed so is a bound: rounding makes boxes nearer, never farther.
 
 use crate::error::Result;
-use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, level};
+use crate::wide::{Select, Simd, SimdBase, SimdMask, dispatch, f32x8, level};
 
 /// Least and greatest coordinates.
 pub(super) type Block = [[f32; 3]; 2];
@@ -20,10 +20,6 @@ const ROUNDING: f32 = 2e-6;
 const DIFFERENCE: f32 = 2.5e-7;
 /// Components of unit normals are counted in such parts.
 const NORMAL_STEPS: f32 = 127.0;
-/// Half thicknesses of what is in a box are counted in such parts of half of its diagonal.
-const THICK_STEPS: f32 = 255.0;
-/// What rounding may do to the squares of heights over a slab, and of ways beside it, as a part of the square of the distance.
-const SLAB_ROUNDING: f32 = 4e-6;
 /// So many things are sifted rather than visited one by one.
 const SIFTED: usize = 2;
 
@@ -33,37 +29,37 @@ const EMPTY: Block = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 /// Least and greatest coordinates of eight boxes.
 #[derive(Clone)]
 pub(super) struct Lanes {
-    low: [[f32; WIDE]; 3],
-    high: [[f32; WIDE]; 3],
+    pub(super) low: [[f32; WIDE]; 3],
+    pub(super) high: [[f32; WIDE]; 3],
 }
 
 /// Least and greatest components of the unit normals in eight boxes, rounded outward, and how thick each one's content is along
 /// the middle of them: half of that from the middle of the box, in parts of half of its diagonal.
 #[derive(Clone)]
 pub(super) struct Normals {
-    low: [[i8; WIDE]; 3],
-    high: [[i8; WIDE]; 3],
-    thick: [u8; WIDE],
+    pub(super) low: [[i8; WIDE]; 3],
+    pub(super) high: [[i8; WIDE]; 3],
+    pub(super) thick: [u8; WIDE],
 }
 
 /// A place that boxes are compared with.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Probe {
-    at: [f32; 3],
+    pub(super) at: [f32; 3],
     /// How much nearer boxes may be.
-    nearer: [f32; 3],
+    pub(super) nearer: [f32; 3],
 }
 
 /// A tree of boxes.
 pub(super) struct Boxes {
-    nodes: Vec<Lanes>,
+    pub(super) nodes: Vec<Lanes>,
     /// As many as nodes, or none.
-    normals: Vec<Normals>,
+    pub(super) normals: Vec<Normals>,
     /// Where the nodes of each level begin; those of the first have runs of things below them.
-    levels: Vec<usize>,
+    pub(super) levels: Vec<usize>,
     /// Things in a run.
-    per_run: usize,
-    things: usize,
+    pub(super) per_run: usize,
+    pub(super) things: usize,
     whole: Block,
 }
 
@@ -114,7 +110,7 @@ impl Lanes {
             let at = f32x8::splat(simd, probe.at[a]);
             let beside = (lanes_of(simd, &self.low[a]) - at).max(at - lanes_of(simd, &self.high[a]));
             let apart = (beside - f32x8::splat(simd, probe.nearer[a])).max(zero);
-            squares = squares + apart * apart;
+            squares += apart * apart;
         }
         let least = squares * f32x8::splat(simd, 1.0 - ROUNDING);
         least.simd_lt(f32x8::splat(simd, limit)).select(least, f32x8::splat(simd, f32::INFINITY))
@@ -150,7 +146,7 @@ impl Lanes {
 }
 
 #[inline(always)]
-fn lanes_of<S: Simd>(simd: S, numbers: &[f32; WIDE]) -> f32x8<S> {
+pub(super) fn lanes_of<S: Simd>(simd: S, numbers: &[f32; WIDE]) -> f32x8<S> {
     f32x8::from_slice(simd, numbers)
 }
 
@@ -160,7 +156,8 @@ pub(super) fn reciprocals(toward: [f64; 3]) -> [f32; 3] {
 }
 
 impl Normals {
-    const NONE: Normals = Normals { low: [[i8::MAX; WIDE]; 3], high: [[i8::MIN; WIDE]; 3], thick: [u8::MAX; WIDE] };
+    const NONE: Normals =
+        Normals { low: [[i8::MAX; WIDE]; 3], high: [[i8::MIN; WIDE]; 3], thick: [u8::MAX; WIDE] };
 
     /// Bounds of the cosines between the normals and a unit vector, from below.
     #[inline(always)]
@@ -169,65 +166,14 @@ impl Normals {
         for a in 0..3 {
             let with = f32x8::splat(simd, with[a]);
             let low = lanes_of(simd, &widened(&self.low[a])) * with;
-            sums = sums + low.min(lanes_of(simd, &widened(&self.high[a])) * with);
+            sums += low.min(lanes_of(simd, &widened(&self.high[a])) * with);
         }
         sums * f32x8::splat(simd, 1.0 / NORMAL_STEPS) - f32x8::splat(simd, ROUNDING)
     }
 }
 
-impl Lanes {
-    /// How near they are, infinite for those that a ball certainly does not reach, by the round slab around what is in each:
-    /// that is far thinner than a box whose content lies askew.
-    #[inline(always)]
-    pub fn reached<S: Simd>(
-        &self,
-        simd: S,
-        normals: &Normals,
-        (probe, radius): (&Probe, f32),
-        near: f32x8<S>,
-    ) -> f32x8<S> {
-        if normals.thick == [u8::MAX; WIDE] {
-            return near;
-        }
-        let number = |number: f32| f32x8::splat(simd, number);
-        let zero = number(0.0);
-        let (mut square, mut half, mut along, mut length) = (zero, zero, zero, zero);
-        let mut far = zero;
-        for a in 0..3 {
-            let (low, high) = (lanes_of(simd, &self.low[a]), lanes_of(simd, &self.high[a]));
-            let away = number(probe.at[a]) - (low + high) * number(0.5);
-            let size = high - low;
-            let normal = lanes_of(simd, &widened(&normals.low[a])) + lanes_of(simd, &widened(&normals.high[a]));
-            square = square + away * away;
-            half = half + size * size;
-            along = along + away * normal;
-            length = length + normal * normal;
-            far = far + number(probe.nearer[a]);
-        }
-        let half = half.sqrt() * number(0.5);
-        // Of normals that cancel out nothing is told.
-        let is_told = length.simd_gt(number(1.0));
-        let height = along / length.max(number(1.0)).sqrt();
-        let thick = half * lanes_of(simd, &thickness(&normals.thick));
-        let above = (height.abs() - thick - far).max(zero);
-        let beside = ((square - height * height) - square * number(SLAB_ROUNDING)).max(zero).sqrt();
-        let beside = (beside - half - far).max(zero);
-        let least = (above * above + beside * beside) * number(1.0 - SLAB_ROUNDING);
-        (is_told & least.simd_gt(number(radius * radius))).select(number(f32::INFINITY), near)
-    }
-}
-
 #[inline(always)]
-fn thickness(codes: &[u8; WIDE]) -> [f32; WIDE] {
-    let mut thick = [0.0; WIDE];
-    for n in 0..WIDE {
-        thick[n] = f32::from(codes[n]) * (1.0 / THICK_STEPS);
-    }
-    thick
-}
-
-#[inline(always)]
-fn widened(numbers: &[i8; WIDE]) -> [f32; WIDE] {
+pub(super) fn widened(numbers: &[i8; WIDE]) -> [f32; WIDE] {
     let mut wide = [0.0; WIDE];
     for n in 0..WIDE {
         wide[n] = f32::from(numbers[n]);
@@ -266,48 +212,6 @@ impl Boxes {
             runs = runs.chunks(WIDE).map(|blocks| blocks.iter().fold(EMPTY, |a, b| united(&a, b))).collect();
         }
         self
-    }
-
-    /// With slabs around things that have normals, by points of which each thing is the hull but for a margin.
-    pub fn with_slabs<P: Iterator<Item = [f32; 3]>>(mut self, points: impl Fn(usize) -> (P, f32)) -> Boxes {
-        let mut things_below = self.per_run;
-        for level in 0..self.levels.len() {
-            let end = self.levels.get(level + 1).copied().unwrap_or(self.nodes.len());
-            for at in self.levels[level]..end {
-                for slot in 0..WIDE {
-                    let first = ((at - self.levels[level]) * WIDE + slot) * things_below;
-                    let last = (first + things_below).min(self.things);
-                    if first < last {
-                        self.normals[at].thick[slot] = self.thick(at, slot, (first..last).map(&points));
-                    }
-                }
-            }
-            things_below *= WIDE;
-        }
-        self
-    }
-
-    /// How thick the content of a box is along the middle of its normals.
-    fn thick<P: Iterator<Item = [f32; 3]>>(
-        &self,
-        at: usize,
-        slot: usize,
-        things: impl Iterator<Item = (P, f32)>,
-    ) -> u8 {
-        let (lanes, normals) = (&self.nodes[at], &self.normals[at]);
-        let ends = [0, 1, 2].map(|a| [lanes.low[a][slot], lanes.high[a][slot]].map(f64::from));
-        let normal = [0, 1, 2].map(|a| f64::from(normals.low[a][slot]) + f64::from(normals.high[a][slot]));
-        let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let half = 0.5 * ends.iter().map(|[low, high]| (high - low).powi(2)).sum::<f64>().sqrt();
-        let mut most = 0.0f64;
-        for (points, margin) in things {
-            for point in points {
-                let along = (0..3).map(|a| normal[a] * (f64::from(point[a]) - 0.5 * (ends[a][0] + ends[a][1])));
-                most = most.max(along.sum::<f64>().abs() / length.max(1.0) + f64::from(margin));
-            }
-        }
-        // Conversion saturates, and nothing is thicker than its box.
-        (most / half.max(f64::MIN_POSITIVE) * f64::from(THICK_STEPS) + 0.01).ceil() as u8
     }
 
     /// The box around all.

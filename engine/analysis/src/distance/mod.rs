@@ -11,6 +11,7 @@
 //! | `polygons` | the polygons that patches are made of, and which share corners |
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
+//! | `slabs` | thinner bounds of what is in a box |
 //! | `sift` | which of eight patches a ball may reach |
 //! | `sides` | inside or outside, by samples |
 //! | `brick_feet` | distances from all samples of a brick |
@@ -63,6 +64,7 @@ mod sample_box;
 mod scalar_mesh;
 mod sides;
 mod sift;
+mod slabs;
 mod spilled;
 mod surface;
 mod tally;

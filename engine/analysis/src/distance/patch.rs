@@ -272,7 +272,7 @@ impl Patch {
     /// Whether all of the patch is certainly farther than the square `within` from a place whose distance from the crossing
     /// has this square, and which is so high above the tangent plane: the quadratic form within the circle around all corners.
     #[inline]
-    fn is_beyond(&self, square: f64, height: f64, within: f64) -> bool {
+    pub fn is_beyond(&self, square: f64, height: f64, within: f64) -> bool {
         let radius = f64::from(self.radius);
         let reach = square.sqrt() - radius;
         if self.shape == Shape::Rough || reach > 0.0 && reach * reach > within {
@@ -293,7 +293,7 @@ impl Patch {
 
     /// Whether the quadratic form is certainly farther than the square `within` from a place in the frame of the crossing: as
     /// far as the circle around all corners, along each of its principal directions by itself.
-    fn bent_is_beyond(&self, [x, y]: [f64; 2], z: f64, within: f64) -> bool {
+    pub fn bent_is_beyond(&self, [x, y]: [f64; 2], z: f64, within: f64) -> bool {
         let radius = f64::from(self.radius);
         let [xx, xy, yy] = self.bend.map(f64::from);
         let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));

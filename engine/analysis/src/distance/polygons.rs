@@ -78,7 +78,8 @@ impl Polygons {
 
     /// Finds what shares corners, in a table of places with room for twice as many.
     pub fn shared(&self) -> SharedCorners {
-        let owners: Vec<u32> = (0..self.ends.len()).flat_map(|n| self.range(n).map(move |_| n as u32)).collect();
+        let owners: Vec<u32> =
+            (0..self.ends.len()).flat_map(|n| self.range(n).map(move |_| n as u32)).collect();
         let mut next: Vec<u32> = (0..self.corners.len() as u32).collect();
         let size = (2 * self.corners.len()).next_power_of_two();
         let mut table = vec![u32::MAX; size];
@@ -125,7 +126,13 @@ mod tests {
 
     #[test]
     fn polygons_beside_one_share_a_corner() {
-        let facet = |corners: [[f32; 3]; 3]| EdgeFacet { axis: Axis::X, low: [0; 3], low_is_inside: true, fraction: 0.5, corners };
+        let facet = |corners: [[f32; 3]; 3]| EdgeFacet {
+            axis: Axis::X,
+            low: [0; 3],
+            low_is_inside: true,
+            fraction: 0.5,
+            corners,
+        };
         let place = |n: u64| [0, 1, 2].map(|a| (mix(3 * n + a) % 3) as f32);
         let mut polygons = Polygons::default();
         let mut expected: Vec<Vec<[u32; 3]>> = Vec::new();

@@ -5,9 +5,7 @@
 
 use super::boxes::WIDE;
 use super::patch::{Patch, Shape};
-use crate::wide::{
-    Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, f64x8, mask64x8, narrowed, widened,
-};
+use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, f64x8, mask64x8, narrowed, widened};
 
 /// A ball, from the base of a piece.
 pub(super) struct PieceBall {
@@ -122,4 +120,61 @@ fn frame<S: Simd>(simd: S, [x, y, z]: &[f64x8<S>; 3]) -> [[f64x8<S>; 3]; 2] {
     let a = (zero - one) / (sign + *z);
     let b = *x * *y * a;
     [[one + sign * *x * *x * a, sign * b, zero - sign * *x], [b, sign + *y * *y * a, zero - *y]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::patch;
+    use super::*;
+    use crate::lattice::{dot, minus, mix};
+    use crate::wide::{dispatch, level};
+
+    #[test]
+    fn eight_at_once_are_told_as_one_by_one() {
+        let random = |n: u64| (mix(n) >> 11) as f64 / (1u64 << 53) as f64 - 0.5;
+        let three = |n: u64| [0, 1, 2].map(|a| random(3 * n + a));
+        let unit = |v: [f64; 3]| v.map(|c| c / dot(v, v).sqrt());
+        let (mut reached, mut shapes) = (0, [0; 3]);
+        for round in 0..300u64 {
+            let mut ring = Vec::new();
+            let count = 1 + round as usize % WIDE;
+            let one = |n: usize| {
+                let name = 100 * round + n as u64;
+                let (at, normal) = (three(name).map(|c| 6.0 * c), unit(three(name + 1_000_000)));
+                let [u, v] = patch::frame(normal);
+                let bend = [0.0, 0.2, 1.5][n % 3] * random(name + 2_000_000);
+                let corner = |[x, y]: [f64; 2]| {
+                    let z = bend * (x * x - 0.4 * y * y);
+                    std::array::from_fn(|a| at[a] + x * u[a] + y * v[a] + z * normal[a])
+                };
+                let corners = [[0.6, 0.5], [-0.4, 0.6], [-0.5, -0.6], [0.7, -0.4]].map(corner);
+                Patch::new((at, normal), &corners, &[], &mut ring)
+            };
+            let patches: Vec<Patch> = (0..count).map(one).collect();
+            let radius = 4.0 * (random(round + 3_000_000) + 0.5);
+            let ball = PieceBall {
+                centre: three(round + 4_000_000).map(|c| 6.0 * c),
+                outward: unit(three(round + 5_000_000)),
+                apart: 0.3,
+                within: [0.9 * radius * radius, radius * radius],
+            };
+            let found = dispatch!(level(), simd => within_reach(simd, &patches, &ball));
+            for (n, patch) in patches.iter().enumerate() {
+                let normal = patch.normal.map(f64::from);
+                let [u, v] = patch::frame(normal);
+                let away = minus(ball.centre, patch.at.map(f64::from));
+                let is_bent = patch.shape == Shape::Bent;
+                let within = ball.within[usize::from(!is_bent)];
+                let [x, y, z] = [dot(away, u), dot(away, v), dot(away, normal)];
+                let is_out = dot(normal, ball.outward) - f64::from(patch.turn()) > ball.apart
+                    || patch.is_beyond(dot(away, away), z, within)
+                    || is_bent && patch.bent_is_beyond([x, y], z, within);
+                assert_eq!(found >> n & 1 == 0, is_out, "{patch:?}");
+                reached += usize::from(!is_out);
+                shapes[patch.shape as usize] += 1;
+            }
+            assert_eq!(found >> count, 0);
+        }
+        assert!(reached > 100 && shapes.iter().all(|shape| *shape > 50), "{reached} {shapes:?}");
+    }
 }
