@@ -142,7 +142,7 @@ mod tests {
                 let name = 100 * round + n as u64;
                 let (at, normal) = (three(name).map(|c| 6.0 * c), unit(three(name + 1_000_000)));
                 let [u, v] = patch::frame(normal);
-                let bend = [0.0, 0.2, 1.5][n % 3] * random(name + 2_000_000);
+                let bend = [0.0, 0.2, 8.0][n % 3] * random(name + 2_000_000);
                 let corner = |[x, y]: [f64; 2]| {
                     let z = bend * (x * x - 0.4 * y * y);
                     std::array::from_fn(|a| at[a] + x * u[a] + y * v[a] + z * normal[a])
