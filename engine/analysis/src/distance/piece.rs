@@ -3,7 +3,7 @@
 use super::answers::Place;
 use super::boxes::{Block, Boxes, block_of};
 use super::patch::{Patch, Shape};
-use super::polygons::Polygons;
+use super::polygons::LeafPolygons;
 use super::spilled::Spill;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::EdgeFacet;
@@ -54,7 +54,7 @@ impl Piece {
             rings: Vec::new(),
             boxes: Boxes::new(std::iter::empty(), RUN),
         };
-        let mut polygons = Polygons::default();
+        let mut polygons = LeafPolygons::default();
         for of_edge in ordered.chunk_by(|a, b| a.low == b.low && a.axis == b.axis) {
             let EdgeFacet { axis, low, fraction, .. } = *of_edge[0];
             let rank = signs.rank(axis, low, &ranks[axis.index()]);

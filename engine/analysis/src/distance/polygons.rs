@@ -6,7 +6,7 @@ use crate::lattice::mix;
 
 /// Crossings, and the corners of the polygons around them.
 #[derive(Default)]
-pub(super) struct Polygons {
+pub(super) struct LeafPolygons {
     pub crossings: Vec<Crossing>,
     corners: Vec<[f32; 3]>,
     /// Where the corners of each polygon end.
@@ -27,7 +27,7 @@ fn bits(corner: [f32; 3]) -> [u32; 3] {
     corner.map(f32::to_bits)
 }
 
-impl Polygons {
+impl LeafPolygons {
     /// Adds the polygon around a crossing, which is what triangles make up; drops it if it has no area.
     pub fn add(&mut self, crossing: Crossing, triangles: &[&EdgeFacet]) {
         let first = self.corners.len();
@@ -134,7 +134,7 @@ mod tests {
             corners,
         };
         let place = |n: u64| [0, 1, 2].map(|a| (mix(3 * n + a) % 3) as f32);
-        let mut polygons = Polygons::default();
+        let mut polygons = LeafPolygons::default();
         let mut expected: Vec<Vec<[u32; 3]>> = Vec::new();
         for n in 0..60 {
             let corners = [place(4 * n), place(4 * n + 1), place(4 * n + 2), place(4 * n + 3)];

@@ -19,7 +19,7 @@ pub(super) struct PieceBall {
 }
 
 /// Numbers of eight patches.
-struct Columns<S: Simd> {
+struct EightPatches<S: Simd> {
     at: [f64x8<S>; 3],
     normal: [f64x8<S>; 3],
     bend: [f64x8<S>; 3],
@@ -31,9 +31,9 @@ fn dot<S: Simd>(a: &[f64x8<S>; 3], b: &[f64x8<S>; 3]) -> f64x8<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-impl<S: Simd> Columns<S> {
+impl<S: Simd> EightPatches<S> {
     #[inline(always)]
-    fn of(simd: S, patches: &[Patch]) -> Columns<S> {
+    fn of(simd: S, patches: &[Patch]) -> EightPatches<S> {
         let mut rows = [[0f32; WIDE]; 10];
         let last = patches.len() - 1;
         for n in 0..WIDE {
@@ -46,7 +46,7 @@ impl<S: Simd> Columns<S> {
             rows[9][n] = patch.radius;
         }
         let wide = |n: usize| widened(simd, f32x8::from_slice(simd, &rows[n]));
-        Columns {
+        EightPatches {
             at: [wide(0), wide(1), wide(2)],
             normal: [wide(3), wide(4), wide(5)],
             bend: [wide(6), wide(7), wide(8)],
@@ -60,7 +60,7 @@ impl<S: Simd> Columns<S> {
 pub(super) fn within_reach<S: Simd>(simd: S, patches: &[Patch], ball: &PieceBall) -> u64 {
     let number = |number: f64| f64x8::splat(simd, number);
     let (zero, one, two, half_one) = (number(0.0), number(1.0), number(2.0), number(0.5));
-    let Columns { at, normal, bend: [xx, xy, yy], radius } = Columns::of(simd, patches);
+    let EightPatches { at, normal, bend: [xx, xy, yy], radius } = EightPatches::of(simd, patches);
     let outward = [number(ball.outward[0]), number(ball.outward[1]), number(ball.outward[2])];
     let size = (xx * xx + two * xy * xy + yy * yy).sqrt();
     let turn = widened(simd, narrowed(simd, size) * narrowed(simd, radius));
