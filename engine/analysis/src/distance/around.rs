@@ -19,6 +19,10 @@ const THIRD: f64 = 0.4;
 const UNKNOWNS: usize = 6;
 /// Fewer crossings do not settle them.
 const FEW: usize = 9;
+/// There are seldom more.
+const MANY: usize = 40;
+
+type Equations = [[f64; UNKNOWNS + 1]; UNKNOWNS];
 
 /// Sums over crossings about a place.
 pub(super) struct Around {
@@ -27,14 +31,13 @@ pub(super) struct Around {
     across: [[f64; 3]; 2],
     /// Weights, squares of what normals differ by, and bends, each times its weight.
     sums: [f64; 3],
-    equations: [[f64; UNKNOWNS + 1]; UNKNOWNS],
-    count: usize,
+    /// Crossings that count, by their way from the place, with their weights.
+    counted: Vec<([f64; 3], f64)>,
 }
 
 impl Around {
     pub fn new(at: [f64; 3], normal: [f64; 3]) -> Around {
-        let equations = [[0.0; UNKNOWNS + 1]; UNKNOWNS];
-        Around { at, normal, across: frame(normal), sums: [0.0; 3], equations, count: 0 }
+        Around { at, normal, across: frame(normal), sums: [0.0; 3], counted: Vec::with_capacity(MANY) }
     }
 
     /// Whether a crossing may tell of the place.
@@ -55,34 +58,42 @@ impl Around {
         for (sum, term) in self.sums.iter_mut().zip([weight, weight * dot(differs, differs), weight * bend]) {
             *sum += weight * term;
         }
-        self.count += 1;
-        let [x, y] = self.across.map(|axis| dot(away, axis));
-        let row = [1.0, x, y, 0.5 * x * x, x * y, 0.5 * y * y, dot(away, self.normal)];
-        for n in 0..UNKNOWNS {
-            (n..=UNKNOWNS).for_each(|m| self.equations[n][m] += weight * row[n] * row[m]);
-        }
+        self.counted.push((away, weight));
     }
 
     /// The unit normal.
-    pub fn normal(mut self) -> [f64; 3] {
+    pub fn normal(self) -> [f64; 3] {
         let [u, v] = self.across;
         let [weights, differs, bend] = self.sums;
         let bend = bend / weights.max(f64::MIN_POSITIVE);
         // Normals of a bent surface differ by terms of third order, too.
         let exact = EXACT + THIRD * bend * bend * bend;
         let is_exact = differs <= exact * exact * weights || bend > SLIGHT;
-        let slopes = if is_exact || self.count < FEW { None } else { self.solved() };
+        let slopes = if is_exact || self.counted.len() < FEW { None } else { self.solved() };
         let Some([p, q]) = slopes else { return self.normal };
         let turned: [f64; 3] = std::array::from_fn(|a| self.normal[a] - p * u[a] - q * v[a]);
         let length = dot(turned, turned).sqrt();
         turned.map(|c| c / length)
     }
 
+    /// The upper half of the normal equations, which smooth surfaces do not need.
+    fn equations(&self) -> Equations {
+        let mut equations = [[0.0; UNKNOWNS + 1]; UNKNOWNS];
+        for &(away, weight) in &self.counted {
+            let [x, y] = self.across.map(|axis| dot(away, axis));
+            let row = [1.0, x, y, 0.5 * x * x, x * y, 0.5 * y * y, dot(away, self.normal)];
+            for n in 0..UNKNOWNS {
+                (n..=UNKNOWNS).for_each(|m| equations[n][m] += weight * row[n] * row[m]);
+            }
+        }
+        equations
+    }
+
     /// Both slopes at the place, by elimination; `None` where crossings leave them open.
-    fn solved(&mut self) -> Option<[f64; 2]> {
-        let rows = &mut self.equations;
+    fn solved(&self) -> Option<[f64; 2]> {
+        let mut rows = self.equations();
         // The half that was summed, mirrored.
-        let upper = *rows;
+        let upper = rows;
         for (n, row) in rows.iter_mut().enumerate() {
             row.iter_mut().zip(&upper).take(n).for_each(|(term, other)| *term = other[n]);
         }

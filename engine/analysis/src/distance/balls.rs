@@ -1,12 +1,13 @@
 //! Balls from all crossings of a surface, found by place.
 
-use super::boxes::{Block, Boxes, Lanes, Normals, Probe, Question, WIDE, block_of};
+use super::boxes::{Block, Boxes, Lanes, Normals, Probe, Question, block_of};
 use super::inscribed::{InscribedBall, Medium};
 use super::spilled::{Spill, Spilled};
 use super::thickness::PreviousContact;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
+use crate::wide::{Simd, f32x8};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -86,17 +87,18 @@ struct Near {
 }
 
 impl Question for Near {
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, self.within)
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.squared_from(simd, &self.probe, self.within)
     }
 
     fn counts(&self, _: f32) -> bool {
         true
     }
 
-    fn visit(&mut self, thing: usize) -> Result<()> {
+    fn visit(&mut self, thing: usize) -> Result<bool> {
         self.found.push(thing);
-        Ok(())
+        Ok(false)
     }
 }
 

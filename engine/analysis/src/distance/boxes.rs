@@ -3,6 +3,7 @@
 //! Eight boxes are compared at once, in 32 bits. What is computed so is a bound: rounding makes boxes nearer, never farther.
 
 use crate::error::Result;
+use crate::wide::{Select, Simd, SimdBase, SimdMask, dispatch, f32x8, level};
 
 /// Least and greatest coordinates.
 pub(super) type Block = [[f32; 3]; 2];
@@ -19,6 +20,8 @@ const ROUNDING: f32 = 2e-6;
 const DIFFERENCE: f32 = 2.5e-7;
 /// Components of unit normals are counted in such parts.
 const NORMAL_STEPS: f32 = 127.0;
+/// So many things are sifted rather than visited one by one.
+const SIFTED: usize = 2;
 
 /// Nothing at all.
 const EMPTY: Block = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
@@ -26,58 +29,65 @@ const EMPTY: Block = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 /// Least and greatest coordinates of eight boxes.
 #[derive(Clone)]
 pub(super) struct Lanes {
-    low: [[f32; WIDE]; 3],
-    high: [[f32; WIDE]; 3],
+    pub(super) low: [[f32; WIDE]; 3],
+    pub(super) high: [[f32; WIDE]; 3],
 }
 
-/// Least and greatest components of the unit normals in eight boxes, rounded outward.
+/// Least and greatest components of the unit normals in eight boxes, rounded outward, and how thick each one's content is along
+/// the middle of them: half of that from the middle of the box, in parts of half of its diagonal.
 #[derive(Clone)]
 pub(super) struct Normals {
-    low: [[i8; WIDE]; 3],
-    high: [[i8; WIDE]; 3],
+    pub(super) low: [[i8; WIDE]; 3],
+    pub(super) high: [[i8; WIDE]; 3],
+    pub(super) thick: [u8; WIDE],
 }
 
 /// A place that boxes are compared with.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Probe {
-    at: [f32; 3],
+    pub(super) at: [f32; 3],
     /// How much nearer boxes may be.
-    nearer: [f32; 3],
+    pub(super) nearer: [f32; 3],
 }
 
 /// A tree of boxes.
 pub(super) struct Boxes {
-    nodes: Vec<Lanes>,
+    pub(super) nodes: Vec<Lanes>,
     /// As many as nodes, or none.
-    normals: Vec<Normals>,
+    pub(super) normals: Vec<Normals>,
     /// Where the nodes of each level begin; those of the first have runs of things below them.
-    levels: Vec<usize>,
+    pub(super) levels: Vec<usize>,
     /// Things in a run.
-    per_run: usize,
-    things: usize,
+    pub(super) per_run: usize,
+    pub(super) things: usize,
     whole: Block,
+}
+
+/// A node that waits to be looked at, and how near it is.
+#[derive(Clone, Copy, Default)]
+struct WaitingNode {
+    near: f32,
+    /// The node, or the run, below a slot of a node at `level`.
+    node: u32,
+    level: u32,
 }
 
 /// What a search asks of boxes and of things.
 pub(super) trait Question {
     /// How near eight boxes are: infinite where nothing in them counts.
-    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE];
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S>;
 
     /// Whether what is so near still counts, which what was found decides.
     fn counts(&self, nearness: f32) -> bool;
 
-    /// Looks at a thing.
-    fn visit(&mut self, thing: usize) -> Result<()>;
-}
+    /// Bits of those of eight things from `first` on that may count. Asked again after each that changed what is known.
+    #[inline(always)]
+    fn sift<S: Simd>(&self, _simd: S, _first: usize) -> u64 {
+        u64::MAX
+    }
 
-#[inline]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-#[inline]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
+    /// Looks at a thing; tells whether it changed what is known.
+    fn visit(&mut self, thing: usize) -> Result<bool>;
 }
 
 impl Probe {
@@ -92,47 +102,52 @@ impl Lanes {
     const NONE: Lanes = Lanes { low: [[FAR; WIDE]; 3], high: [[FAR; WIDE]; 3] };
 
     /// Bounds of the squares of distances from a place; infinite from `limit` on.
-    #[inline]
-    pub fn squared_from(&self, probe: &Probe, limit: f32) -> [f32; WIDE] {
-        let mut squares = [0.0; WIDE];
+    #[inline(always)]
+    pub fn squared_from<S: Simd>(&self, simd: S, probe: &Probe, limit: f32) -> f32x8<S> {
+        let zero = f32x8::splat(simd, 0.0);
+        let mut squares = zero;
         for a in 0..3 {
-            let (at, nearer) = (probe.at[a], probe.nearer[a]);
-            for (n, square) in squares.iter_mut().enumerate() {
-                let beside = larger(self.low[a][n] - at, at - self.high[a][n]);
-                let apart = larger(beside - nearer, 0.0);
-                *square += apart * apart;
-            }
+            let at = f32x8::splat(simd, probe.at[a]);
+            let beside = (lanes_of(simd, &self.low[a]) - at).max(at - lanes_of(simd, &self.high[a]));
+            let apart = (beside - f32x8::splat(simd, probe.nearer[a])).max(zero);
+            squares += apart * apart;
         }
-        squares.map(|square| {
-            let least = square * (1.0 - ROUNDING);
-            if least < limit { least } else { f32::INFINITY }
-        })
+        let least = squares * f32x8::splat(simd, 1.0 - ROUNDING);
+        least.simd_lt(f32x8::splat(simd, limit)).select(least, f32x8::splat(simd, f32::INFINITY))
     }
 
-    /// Which of them meet a block.
-    #[inline]
-    pub fn meeting(&self, [low, high]: &Block) -> [bool; WIDE] {
-        std::array::from_fn(|n| (0..3).all(|a| self.low[a][n] <= high[a] && low[a] <= self.high[a][n]))
+    /// Zero for those that meet a block, infinite for others.
+    #[inline(always)]
+    pub fn meeting<S: Simd>(&self, simd: S, [low, high]: &Block) -> f32x8<S> {
+        let meets = |a: usize| {
+            let below = lanes_of(simd, &self.low[a]).simd_le(f32x8::splat(simd, high[a]));
+            below & lanes_of(simd, &self.high[a]).simd_ge(f32x8::splat(simd, low[a]))
+        };
+        let [zero, far] = [0.0, f32::INFINITY].map(|number| f32x8::splat(simd, number));
+        (meets(0) & meets(1) & meets(2)).select(zero, far)
     }
 
     /// Bounds of where a ray enters, infinite where it does not before `limit`. `over` are reciprocals of the direction.
-    #[inline]
-    pub fn entered(&self, probe: &Probe, over: [f32; 3], limit: f32) -> [f32; WIDE] {
-        let (mut enter, mut leave) = ([0.0; WIDE], [limit; WIDE]);
+    #[inline(always)]
+    pub fn entered<S: Simd>(&self, simd: S, probe: &Probe, over: [f32; 3], limit: f32) -> f32x8<S> {
+        let (mut enter, mut leave) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, limit));
         for a in 0..3 {
-            let (at, nearer, over) = (probe.at[a], probe.nearer[a], over[a]);
-            for n in 0..WIDE {
-                let p = (self.low[a][n] - nearer - at) * over;
-                let q = (self.high[a][n] + nearer - at) * over;
-                enter[n] = larger(enter[n], smaller(p, q));
-                leave[n] = smaller(leave[n], larger(p, q));
-            }
+            let (at, nearer) = (f32x8::splat(simd, probe.at[a]), f32x8::splat(simd, probe.nearer[a]));
+            let over = f32x8::splat(simd, over[a]);
+            let p = (lanes_of(simd, &self.low[a]) - nearer - at) * over;
+            let q = (lanes_of(simd, &self.high[a]) + nearer - at) * over;
+            enter = enter.max(p.min(q));
+            leave = leave.min(p.max(q));
         }
-        std::array::from_fn(|n| {
-            let least = enter[n] * (1.0 - ROUNDING);
-            if least <= leave[n] * (1.0 + ROUNDING) { least } else { f32::INFINITY }
-        })
+        let least = enter * f32x8::splat(simd, 1.0 - ROUNDING);
+        let is_met = least.simd_le(leave * f32x8::splat(simd, 1.0 + ROUNDING));
+        is_met.select(least, f32x8::splat(simd, f32::INFINITY))
     }
+}
+
+#[inline(always)]
+pub(super) fn lanes_of<S: Simd>(simd: S, numbers: &[f32; WIDE]) -> f32x8<S> {
+    f32x8::from_slice(simd, numbers)
 }
 
 /// Reciprocals of a direction, finite where it has no component.
@@ -141,19 +156,29 @@ pub(super) fn reciprocals(toward: [f64; 3]) -> [f32; 3] {
 }
 
 impl Normals {
-    const NONE: Normals = Normals { low: [[i8::MAX; WIDE]; 3], high: [[i8::MIN; WIDE]; 3] };
+    const NONE: Normals =
+        Normals { low: [[i8::MAX; WIDE]; 3], high: [[i8::MIN; WIDE]; 3], thick: [u8::MAX; WIDE] };
 
     /// Bounds of the cosines between the normals and a unit vector, from below.
-    #[inline]
-    pub fn least_cosines(&self, with: [f32; 3]) -> [f32; WIDE] {
-        let mut sums = [0.0; WIDE];
-        for (a, with) in with.into_iter().enumerate() {
-            for (n, sum) in sums.iter_mut().enumerate() {
-                *sum += smaller(f32::from(self.low[a][n]) * with, f32::from(self.high[a][n]) * with);
-            }
+    #[inline(always)]
+    pub fn least_cosines<S: Simd>(&self, simd: S, with: [f32; 3]) -> f32x8<S> {
+        let mut sums = f32x8::splat(simd, 0.0);
+        for a in 0..3 {
+            let with = f32x8::splat(simd, with[a]);
+            let low = lanes_of(simd, &widened(&self.low[a])) * with;
+            sums += low.min(lanes_of(simd, &widened(&self.high[a])) * with);
         }
-        sums.map(|sum| sum * (1.0 / NORMAL_STEPS) - ROUNDING)
+        sums * f32x8::splat(simd, 1.0 / NORMAL_STEPS) - f32x8::splat(simd, ROUNDING)
     }
+}
+
+#[inline(always)]
+pub(super) fn widened(numbers: &[i8; WIDE]) -> [f32; WIDE] {
+    let mut wide = [0.0; WIDE];
+    for n in 0..WIDE {
+        wide[n] = f32::from(numbers[n]);
+    }
+    wide
 }
 
 impl Boxes {
@@ -209,43 +234,97 @@ impl Boxes {
 
     /// Shows a question all things that may count, those in near boxes first.
     pub fn search(&self, question: &mut impl Question) -> Result<()> {
-        if self.things == 0 { Ok(()) } else { self.look(self.levels.len() - 1, 0, question) }
+        if self.things == 0 {
+            return Ok(());
+        }
+        dispatch!(level(), simd => self.look(simd, question))
     }
 
-    fn look(&self, level: usize, node: usize, question: &mut impl Question) -> Result<()> {
-        let at = self.levels[level] + node;
-        let nearness = question.nearness(&self.nodes[at], self.normals.get(at));
-        let mut order = [(0.0f32, 0u8); WIDE];
-        let mut found = 0;
-        for (slot, &near) in nearness.iter().enumerate() {
-            if near == f32::INFINITY {
-                continue;
+    /// The search, inlined into what is compiled for the widest vectors.
+    #[inline(always)]
+    fn look<S: Simd>(&self, simd: S, question: &mut impl Question) -> Result<()> {
+        let mut waiting = [WaitingNode::default(); WIDE * MOST_LEVELS];
+        let (mut level, mut node, mut count) = (self.levels.len() - 1, 0, 0);
+        loop {
+            let at = self.levels[level] + node;
+            let near = question.nearness(simd, &self.nodes[at], self.normals.get(at));
+            let below = count;
+            count += nearest_last(simd, near, node, level, &mut waiting[below..]);
+            if level == 0 {
+                self.visit_runs(simd, question, node, &waiting[below..count])?;
+                count = below;
             }
-            let mut place = found;
-            while place > 0 && order[place - 1].0 > near {
-                order[place] = order[place - 1];
-                place -= 1;
+            // What was found since may exclude some.
+            while count > 0 && !question.counts(waiting[count - 1].near) {
+                count -= 1;
             }
-            order[place] = (near, slot as u8);
-            found += 1;
+            if count == 0 {
+                return Ok(());
+            }
+            count -= 1;
+            let next = waiting[count];
+            (level, node) = (next.level as usize - 1, next.node as usize);
         }
-        for &(near, slot) in &order[..found] {
-            // What was found since may exclude it, and then all that are farther.
-            if !question.counts(near) {
+    }
+
+    /// Shows the things in the runs of a node, of which the nearest stands last.
+    #[inline(always)]
+    fn visit_runs<S: Simd>(
+        &self,
+        simd: S,
+        question: &mut impl Question,
+        node: usize,
+        runs: &[WaitingNode],
+    ) -> Result<()> {
+        let is_sifted = self.per_run == 1 && runs.len() >= SIFTED;
+        let mut may_count = if is_sifted { question.sift(simd, node * WIDE) } else { u64::MAX };
+        for run in runs.iter().rev() {
+            if !question.counts(run.near) {
                 break;
             }
-            let below = node * WIDE + usize::from(slot);
-            if level > 0 {
-                self.look(level - 1, below, question)?;
+            let run = run.node as usize;
+            if may_count >> (run % WIDE) & 1 == 0 {
                 continue;
             }
-            let first = below * self.per_run;
+            let first = run * self.per_run;
             for thing in first..(first + self.per_run).min(self.things) {
-                question.visit(thing)?;
+                let is_changed = question.visit(thing)?;
+                if is_sifted && is_changed {
+                    may_count = question.sift(simd, node * WIDE);
+                }
             }
         }
         Ok(())
     }
+}
+
+/// Writes which slots of a node are nearer than infinite, the nearest last, and tells how many. Of those as near the first is
+/// last.
+#[inline(always)]
+fn nearest_last<S: Simd>(
+    simd: S,
+    near: f32x8<S>,
+    node: usize,
+    level: usize,
+    waiting: &mut [WaitingNode],
+) -> usize {
+    let mut left = near.simd_lt(f32x8::splat(simd, f32::INFINITY)).to_bitmask();
+    let mut nearness = [0.0; WIDE];
+    near.store_slice(&mut nearness);
+    let mut count = 0;
+    while left != 0 {
+        let slot = left.trailing_zeros() as usize % WIDE;
+        left &= left - 1;
+        let near = nearness[slot];
+        let mut place = count;
+        while place > 0 && waiting[place - 1].near <= near {
+            waiting[place] = waiting[place - 1];
+            place -= 1;
+        }
+        waiting[place] = WaitingNode { near, node: (node * WIDE + slot) as u32, level: level as u32 };
+        count += 1;
+    }
+    count
 }
 
 /// How many nodes stand over so many runs.
@@ -319,26 +398,25 @@ mod tests {
     const TURNED: f64 = 0.2;
 
     impl Question for NearestPoint<'_> {
-        fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
-            let mut near = boxes.squared_from(&self.probe, (self.best as f32).next_up());
-            let cosines = normals.unwrap().least_cosines([0.0, 0.6, 0.8]);
-            for n in 0..WIDE {
-                near[n] = if f64::from(cosines[n]) > TURNED { f32::INFINITY } else { near[n] };
-            }
-            near
+        #[inline(always)]
+        fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S> {
+            let near = boxes.squared_from(simd, &self.probe, (self.best as f32).next_up());
+            let cosines = normals.unwrap().least_cosines(simd, [0.0, 0.6, 0.8]);
+            let is_turned = cosines.simd_gt(f32x8::splat(simd, TURNED as f32));
+            is_turned.select(f32x8::splat(simd, f32::INFINITY), near)
         }
 
         fn counts(&self, nearness: f32) -> bool {
             f64::from(nearness) <= self.best
         }
 
-        fn visit(&mut self, thing: usize) -> Result<()> {
+        fn visit(&mut self, thing: usize) -> Result<bool> {
             self.visits += 1;
             if dot(self.normals[thing], [0.0, 0.6, 0.8]) <= TURNED {
                 let away = minus(self.points[thing], self.from);
                 self.best = self.best.min(dot(away, away));
             }
-            Ok(())
+            Ok(false)
         }
     }
 
@@ -401,7 +479,11 @@ mod tests {
                     (enter, leave) = (enter.max(p.min(q)), leave.min(p.max(q)));
                 }
                 let probe = Probe::new(from, 104.0);
-                let found = lanes(&blocks[m..=m]).entered(&probe, reciprocals(toward), 60.0);
+                let mut found = [0.0; WIDE];
+                let boxes = lanes(&blocks[m..=m]);
+                dispatch!(level(), simd => {
+                    boxes.entered(simd, &probe, reciprocals(toward), 60.0).store_slice(&mut found)
+                });
                 if enter <= leave {
                     assert!(
                         f64::from(found[0]) <= enter && found[0] >= enter as f32 - 1e-3,

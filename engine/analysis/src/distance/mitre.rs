@@ -4,7 +4,7 @@
 //! meet in it ends where they do: in a mitre. A crease is known by corners of patches that lie on it, less than a cell apart.
 
 use super::answers::Place;
-use super::boxes::{Boxes, Lanes, Normals, Probe, Question, WIDE, block_of};
+use super::boxes::{Boxes, Lanes, Normals, Probe, Question, block_of};
 use super::patch::Patch;
 use super::piece::Piece;
 use super::questions::PatchQuestion;
@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::lattice::{dot, minus};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
+use crate::wide::{Simd, f32x8};
 use std::collections::BTreeMap;
 
 /// The cosine of the least turn between faces: 20°.
@@ -241,21 +242,23 @@ impl PatchQuestion for FacesAround {
         self.probe = Probe::new(minus(self.at, base), size);
     }
 
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, (MEET * MEET) as f32)
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.squared_from(simd, &self.probe, (MEET * MEET) as f32)
     }
 
     fn counts(&self, _: f32) -> bool {
         true
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let patch = piece.patch(place);
         let at: [f64; 3] = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
         let away = minus(at, self.at);
         if dot(away, away) <= MEET * MEET {
             self.found.push((dot(away, away), place, at, patch.normal.map(f64::from)));
         }
+        false
     }
 }
 
@@ -269,20 +272,21 @@ struct NearestCorner<'a> {
 }
 
 impl Question for NearestCorner<'_> {
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, (self.within as f32).next_up())
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.squared_from(simd, &self.probe, (self.within as f32).next_up())
     }
 
     fn counts(&self, nearness: f32) -> bool {
         f64::from(nearness) <= self.within
     }
 
-    fn visit(&mut self, thing: usize) -> Result<()> {
+    fn visit(&mut self, thing: usize) -> Result<bool> {
         let away = minus(self.from, self.corners[thing].0);
         let squared = dot(away, away);
         if squared < self.within {
             (self.within, self.best) = (squared, Some(thing));
         }
-        Ok(())
+        Ok(false)
     }
 }

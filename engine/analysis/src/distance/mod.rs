@@ -8,8 +8,11 @@
 //! |---|---|
 //! | `patch` | one patch: its nearest point, where a ray meets it |
 //! | `quadratic` | the form that bends it |
+//! | `polygons` | the polygons that patches are made of, and which share corners |
 //! | `piece` | the patches of a leaf |
 //! | `boxes` | trees of boxes |
+//! | `slabs` | thinner bounds of what is in a box |
+//! | `sift` | which of eight patches a ball may reach |
 //! | `sides` | inside or outside, by samples |
 //! | `brick_feet` | distances from all samples of a brick |
 //! | `spilled` | groups in memory or in a file |
@@ -53,12 +56,15 @@ mod numbers;
 pub mod offset;
 mod patch;
 mod piece;
+mod polygons;
 mod quadratic;
 mod questions;
 mod regions;
 mod sample_box;
 mod scalar_mesh;
 mod sides;
+mod sift;
+mod slabs;
 mod spilled;
 mod surface;
 mod tally;

@@ -213,6 +213,24 @@ impl Patch {
         })
     }
 
+    /// Corners of the polygon, moved into the tangent plane if it is bent, and how far the patch may be from their hull with the
+    /// crossing.
+    pub fn slab<'a>(&self, rings: &'a [[f32; 3]]) -> (impl Iterator<Item = [f64; 3]> + use<'a>, f64) {
+        let (at, normal) = (self.at.map(f64::from), self.normal.map(f64::from));
+        let [u, v] = frame(normal);
+        let is_bent = self.shape == Shape::Bent;
+        let ring = self.ring(rings);
+        let corners = ring.iter().map(move |c| {
+            let [x, y, z] = c.map(f64::from);
+            let z = if is_bent { 0.0 } else { z };
+            std::array::from_fn(|a| at[a] + x * u[a] + y * v[a] + z * normal[a])
+        });
+        let flat = ring.iter().map(|[x, y, _]| f64::from(x * x + y * y)).fold(0.0, f64::max);
+        let [xx, xy, yy] = self.bend.map(f64::from);
+        let bend = 0.5 * (xx + yy).abs() + (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        (corners, if is_bent { 0.5 * bend * flat + 1e-4 } else { 1e-5 })
+    }
+
     /// The area of the polygon.
     pub fn area(&self, rings: &[[f32; 3]]) -> f64 {
         let ring = self.ring(rings);
@@ -254,7 +272,7 @@ impl Patch {
     /// Whether all of the patch is certainly farther than the square `within` from a place whose distance from the crossing
     /// has this square, and which is so high above the tangent plane: the quadratic form within the circle around all corners.
     #[inline]
-    fn is_beyond(&self, square: f64, height: f64, within: f64) -> bool {
+    pub fn is_beyond(&self, square: f64, height: f64, within: f64) -> bool {
         let radius = f64::from(self.radius);
         let reach = square.sqrt() - radius;
         if self.shape == Shape::Rough || reach > 0.0 && reach * reach > within {
@@ -275,7 +293,7 @@ impl Patch {
 
     /// Whether the quadratic form is certainly farther than the square `within` from a place in the frame of the crossing: as
     /// far as the circle around all corners, along each of its principal directions by itself.
-    fn bent_is_beyond(&self, [x, y]: [f64; 2], z: f64, within: f64) -> bool {
+    pub fn bent_is_beyond(&self, [x, y]: [f64; 2], z: f64, within: f64) -> bool {
         let radius = f64::from(self.radius);
         let [xx, xy, yy] = self.bend.map(f64::from);
         let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));

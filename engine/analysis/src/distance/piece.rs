@@ -2,12 +2,12 @@
 
 use super::answers::Place;
 use super::boxes::{Block, Boxes, block_of};
-use super::patch::{Crossing, Patch, Shape};
+use super::patch::{Patch, Shape};
+use super::polygons::LeafPolygons;
 use super::spilled::Spill;
 use crate::brick::{Brick, SignChanges};
 use crate::contour::EdgeFacet;
 use crate::lattice::{Axis, NodeKey, RootCube, morton};
-use std::collections::HashMap;
 
 /// Patches in a box.
 const RUN: usize = 1;
@@ -43,7 +43,7 @@ impl Piece {
         let own = f64::from(1u32 << (key.spacing_bits() - bits));
         let place = |facet: &EdgeFacet| (morton(facet.low.map(|c| c as u32)), facet.axis.index());
         let mut ordered: Vec<&EdgeFacet> = facets.iter().collect();
-        ordered.sort_by_key(|facet| place(facet));
+        ordered.sort_by_cached_key(|facet| place(facet));
         let local = |corner: [f32; 3]| -> [f64; 3] {
             let units = root.to_units(corner.map(f64::from));
             std::array::from_fn(|a| (units[a] - 1.0) / cell - base[a])
@@ -54,34 +54,23 @@ impl Piece {
             rings: Vec::new(),
             boxes: Boxes::new(std::iter::empty(), RUN),
         };
-        // Crossings with the corners of their polygons, and which crossings each corner belongs to.
-        let mut polygons: Vec<(Crossing, Vec<[f32; 3]>)> = Vec::new();
-        let mut at_corner: HashMap<[u32; 3], Vec<u32>> = HashMap::new();
-        for of_edge in ordered.chunk_by(|a, b| place(a) == place(b)) {
+        let mut polygons = LeafPolygons::default();
+        for of_edge in ordered.chunk_by(|a, b| a.low == b.low && a.axis == b.axis) {
             let EdgeFacet { axis, low, fraction, .. } = *of_edge[0];
             let rank = signs.rank(axis, low, &ranks[axis.index()]);
             let Some(edge) = hermite.edges[axis.index()].get(rank) else { continue };
             let mut at = low.map(|c| c as f64 * own);
             at[axis.index()] += fraction * own;
-            let corners = outline(of_edge);
-            if corners.len() >= 3 {
-                for corner in &corners {
-                    at_corner.entry(corner.map(f32::to_bits)).or_default().push(polygons.len() as u32);
-                }
-                polygons.push(((at, edge.normal.to_vector()), corners));
-            }
+            polygons.add((at, edge.normal.to_vector()), of_edge);
         }
-        let mut beside: Vec<u32> = Vec::new();
-        for (n, (crossing, corners)) in polygons.iter().enumerate() {
-            beside.clear();
-            beside.extend(
-                corners.iter().filter_map(|c| at_corner.get(&c.map(f32::to_bits))).flatten().copied(),
-            );
-            beside.sort_unstable();
-            beside.dedup();
-            beside.retain(|&m| m != n as u32);
-            let crossings: Vec<Crossing> = beside.iter().map(|&m| polygons[m as usize].0).collect();
-            let corners: Vec<[f64; 3]> = corners.iter().map(|c| local(*c)).collect();
+        let shared = polygons.shared();
+        let (mut beside, mut crossings, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+        for (n, crossing) in polygons.crossings.iter().enumerate() {
+            polygons.beside(n, &shared, &mut beside);
+            crossings.clear();
+            crossings.extend(beside.iter().map(|&m| polygons.crossings[m as usize]));
+            corners.clear();
+            corners.extend(polygons.corners(n).iter().map(|c| local(*c)));
             piece.patches.push(Patch::new(*crossing, &corners, &crossings, &mut piece.rings));
         }
         piece.patches.shrink_to_fit();
@@ -98,7 +87,18 @@ impl Piece {
             block_of(points, if patch.shape == Shape::Bent { highest + 1e-4 } else { 1e-5 })
         };
         let normals = self.patches.iter().map(normals);
-        self.boxes = Boxes::new(self.patches.iter().map(block), RUN).with_normals(normals);
+        let boxes = Boxes::new(self.patches.iter().map(block), RUN).with_normals(normals);
+        let (mut points, mut ends) = (Vec::with_capacity(self.rings.len() + self.patches.len()), Vec::new());
+        for patch in &self.patches {
+            let (corners, margin) = patch.slab(&self.rings);
+            points.extend(corners.map(|c| c.map(|c| c as f32)));
+            points.push(patch.at);
+            ends.push((points.len(), margin as f32));
+        }
+        self.boxes = boxes.with_slabs(|n| {
+            let first = if n > 0 { ends[n - 1].0 } else { 0 };
+            (points[first..ends[n].0].iter().copied(), ends[n].1)
+        });
         self
     }
 
@@ -189,31 +189,4 @@ impl Spill for Piece {
 /// Least and greatest components of the normals within a patch.
 fn normals(patch: &Patch) -> Block {
     [-1.0, 1.0].map(|sign| patch.normal.map(|c| (c + sign * patch.turn()).clamp(-1.0, 1.0)))
-}
-
-/// The corners of the polygon that triangles make up, in order.
-fn outline(triangles: &[&EdgeFacet]) -> Vec<[f32; 3]> {
-    let bits = |corner: [f32; 3]| corner.map(f32::to_bits);
-    let mut sides: Vec<[[f32; 3]; 2]> = Vec::new();
-    for facet in triangles {
-        let [a, b, c] = facet.corners;
-        for [from, to] in [[a, b], [b, c], [c, a]] {
-            // A diagonal is a side of two triangles.
-            match sides.iter().position(|[f, t]| bits(*f) == bits(to) && bits(*t) == bits(from)) {
-                Some(n) => drop(sides.swap_remove(n)),
-                None => sides.push([from, to]),
-            }
-        }
-    }
-    let mut corners = Vec::with_capacity(sides.len());
-    let Some(&[first, mut at]) = sides.first() else { return corners };
-    corners.push(first);
-    while bits(at) != bits(first) && corners.len() < sides.len() {
-        corners.push(at);
-        match sides.iter().find(|[from, _]| bits(*from) == bits(at)) {
-            Some([_, to]) => at = *to,
-            None => break,
-        }
-    }
-    corners
 }

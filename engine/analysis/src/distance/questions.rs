@@ -5,8 +5,10 @@ use super::around::{AROUND, Around};
 use super::boxes::{Block, Lanes, Normals, Probe, Question, WIDE, reciprocals};
 use super::patch::{Patch, Shape, Touch};
 use super::piece::Piece;
+use super::sift::{PieceBall, within_reach};
 use crate::error::Result;
 use crate::lattice::{dot, minus};
+use crate::wide::{Select, Simd, SimdBase, SimdMask, f32x8};
 
 /// Feet that are as near as this part of their squares are equally near: of a crease, found from its two sides.
 const TIE: f64 = 2e-6;
@@ -27,13 +29,19 @@ pub(super) trait PatchQuestion {
     fn count_from(&mut self, base: [f64; 3], size: f32);
 
     /// See [`Question::nearness`].
-    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE];
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S>;
 
     /// See [`Question::counts`].
     fn counts(&self, nearness: f32) -> bool;
 
-    /// Looks at a patch.
-    fn visit(&mut self, piece: &Piece, place: Place);
+    /// See [`Question::sift`].
+    #[inline(always)]
+    fn sift<S: Simd>(&self, _simd: S, _piece: &Piece, _first: usize) -> u64 {
+        u64::MAX
+    }
+
+    /// Looks at a patch; tells whether it changed what [`PatchQuestion::sift`] told.
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool;
 }
 
 /// A question to the patches of one piece.
@@ -44,26 +52,36 @@ pub(super) struct OfPiece<'a, Q> {
 }
 
 impl<Q: PatchQuestion> Question for OfPiece<'_, Q> {
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
-        self.question.nearness(boxes, normals)
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S> {
+        self.question.nearness(simd, boxes, normals)
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         self.question.counts(nearness)
     }
 
+    #[inline(always)]
+    fn sift<S: Simd>(&self, simd: S, first: usize) -> u64 {
+        self.question.sift(simd, self.piece, first)
+    }
+
     #[inline]
-    fn visit(&mut self, thing: usize) -> Result<()> {
-        self.question.visit(self.piece, Place { leaf: self.leaf, patch: thing as u32 });
-        Ok(())
+    fn visit(&mut self, thing: usize) -> Result<bool> {
+        Ok(self.question.visit(self.piece, Place { leaf: self.leaf, patch: thing as u32 }))
     }
 }
 
 /// A limit in 32 bits that excludes nothing.
 fn limit(most: f64) -> f32 {
     (most as f32).next_up()
+}
+
+/// The greatest number of 32 bits that is not above a number.
+fn below(most: f64) -> f32 {
+    let near = most as f32;
+    if f64::from(near) > most { near.next_down() } else { near }
 }
 
 /// The pieces whose boxes meet a block, in order.
@@ -84,17 +102,17 @@ impl PiecesIn {
 }
 
 impl Question for PiecesIn {
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.meeting(&self.block).map(|meets| if meets { 0.0 } else { f32::INFINITY })
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.meeting(simd, &self.block)
     }
 
     fn counts(&self, _: f32) -> bool {
         true
     }
 
-    fn visit(&mut self, piece: usize) -> Result<()> {
+    fn visit(&mut self, piece: usize) -> Result<bool> {
         self.found.push(piece);
-        Ok(())
+        Ok(false)
     }
 }
 
@@ -155,21 +173,22 @@ impl PatchQuestion for NearestQuery {
         self.probe = Probe::new(minus(self.from, base), size);
     }
 
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, limit(self.most()))
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.squared_from(simd, &self.probe, limit(self.most()))
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         f64::from(nearness) <= self.most()
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let local = minus(self.from, piece.base);
         if let Some(touch) = piece.patch(place).nearest(&piece.rings, local, self.most()) {
             self.take(touch, local, piece.base, place);
         }
+        false
     }
 }
 
@@ -191,23 +210,24 @@ impl PatchQuestion for NormalAround {
         self.probe = Probe::new(minus(self.at, base), size);
     }
 
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.squared_from(&self.probe, limit(AROUND * AROUND))
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.squared_from(simd, &self.probe, limit(AROUND * AROUND))
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, _: f32) -> bool {
         true
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let patch = piece.patch(place);
         let crossing = std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]);
         if self.around.is_near(crossing) {
             let turned = patch.normal_at(minus(self.at, crossing));
             self.around.add(crossing, turned, patch.bend_size());
         }
+        false
     }
 }
 
@@ -241,17 +261,17 @@ impl PatchQuestion for RayQuery {
         self.probe = Probe::new(minus(self.from, base), size);
     }
 
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        boxes.entered(&self.probe, self.over, limit(self.most))
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        boxes.entered(simd, &self.probe, self.over, limit(self.most))
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         f64::from(nearness) <= self.most
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let local = minus(self.from, piece.base);
         let ray = (local, self.toward);
         let met = piece.patch(place).met(&piece.rings, ray, [LEAVE, self.most], self.outward);
@@ -260,6 +280,7 @@ impl PatchQuestion for RayQuery {
             self.most = distance;
             self.first = Some(Foot { at, normal, distance, inside: self.outward, place });
         }
+        false
     }
 }
 
@@ -272,6 +293,8 @@ pub(super) struct Ball {
     toward: [f64; 3],
     outward: [f64; 3],
     apart: f64,
+    /// The same for boxes: a number of 32 bits is greater than `apart` if it is greater than this.
+    apart_box: f32,
     pub radius: f64,
     centre: [f64; 3],
     pub contact: Option<Foot>,
@@ -286,7 +309,8 @@ impl Ball {
         let (base, size) = ([0.0; 3], 0.0);
         let centre = along(at, toward, most);
         let probe = Probe::default();
-        Ball { at, toward, outward, apart, radius: most, centre, contact: None, base, size, probe }
+        let apart_box = below(apart);
+        Ball { at, toward, outward, apart, apart_box, radius: most, centre, contact: None, base, size, probe }
     }
 
     /// The square of the distance from the centre below which a patch shrinks the ball.
@@ -334,34 +358,46 @@ impl PatchQuestion for Ball {
         self.probe = Probe::new(minus(self.centre, base), size);
     }
 
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
-        let mut near = boxes.squared_from(&self.probe, limit(self.radius * self.radius));
-        if let Some(normals) = normals.filter(|_| near.iter().any(|near| near.is_finite())) {
-            let cosines = normals.least_cosines(self.outward.map(|c| c as f32));
-            for (near, cosine) in near.iter_mut().zip(cosines) {
-                *near = if f64::from(cosine) > self.apart { f32::INFINITY } else { *near };
-            }
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S> {
+        let near = boxes.squared_from(simd, &self.probe, limit(self.radius * self.radius));
+        let far = f32x8::splat(simd, f32::INFINITY);
+        let Some(normals) = normals.filter(|_| near.simd_lt(far).any_true()) else { return near };
+        let [x, y, z] = self.outward;
+        let cosines = normals.least_cosines(simd, [x as f32, y as f32, z as f32]);
+        let near = cosines.simd_gt(f32x8::splat(simd, self.apart_box)).select(far, near);
+        if !near.simd_lt(far).any_true() {
+            return near;
         }
-        near
+        boxes.reached(simd, normals, (&self.probe, limit(self.radius)), near)
+    }
+
+    #[inline(always)]
+    fn sift<S: Simd>(&self, simd: S, piece: &Piece, first: usize) -> u64 {
+        let within = [self.within(Shape::Bent), self.within(Shape::Plane)];
+        let centre = minus(self.centre, piece.base);
+        let ball = PieceBall { centre, outward: self.outward, apart: self.apart, within };
+        let last = (first + WIDE).min(piece.patches.len());
+        within_reach(simd, &piece.patches[first..last], &ball)
     }
 
     /// The centre may have moved since, so that boxes have to be asked again.
-    #[inline]
+    #[inline(always)]
     fn counts(&self, _: f32) -> bool {
         true
     }
 
-    fn visit(&mut self, piece: &Piece, place: Place) {
+    fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let patch = piece.patch(place);
         if dot(patch.normal.map(f64::from), self.outward) - f64::from(patch.turn()) > self.apart {
-            return;
+            return false;
         }
         let radius = self.radius;
         self.shrink(piece, patch, place);
         if self.radius != radius {
             self.probe = Probe::new(minus(self.centre, self.base), self.size);
         }
+        self.radius != radius
     }
 }
 

@@ -1,7 +1,7 @@
 //! The surface of a store as patches, found by place: nearest points, rays, and balls that touch it.
 
 use super::answers::{BallAt, Foot, Place};
-use super::boxes::{Block, Boxes, Lanes, Normals, Question, WIDE};
+use super::boxes::{Block, Boxes, Lanes, Normals, Question};
 use super::patch::Patch;
 use super::piece::Piece;
 use super::questions::{Ball, NearestQuery, NormalAround, OfPiece, PatchQuestion, PiecesIn, RayQuery};
@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube, length, minus, spacing_bits};
 use crate::progress::Progress;
 use crate::store::{BrickTree, MovedTree};
+use crate::wide::{Simd, f32x8};
 use std::path::Path;
 
 /// How far below the surface the solid is asked whose it is, in cells.
@@ -135,22 +136,24 @@ impl Surface {
     pub(super) fn ask<Q: PatchQuestion>(&self, mut question: Q) -> Result<Q> {
         struct OfAll<'a, Q>(&'a Surface, &'a mut Q);
         impl<Q: PatchQuestion> Question for OfAll<'_, Q> {
-            fn nearness(&self, boxes: &Lanes, normals: Option<&Normals>) -> [f32; WIDE] {
-                self.1.nearness(boxes, normals)
+            #[inline(always)]
+            fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, normals: Option<&Normals>) -> f32x8<S> {
+                self.1.nearness(simd, boxes, normals)
             }
 
+            #[inline(always)]
             fn counts(&self, nearness: f32) -> bool {
                 self.1.counts(nearness)
             }
 
-            fn visit(&mut self, leaf: usize) -> Result<()> {
+            fn visit(&mut self, leaf: usize) -> Result<bool> {
                 let OfAll(surface, question) = self;
                 surface.with(leaf, |piece| {
                     question.count_from(piece.base, piece.boxes.size());
                     piece.boxes.search(&mut OfPiece { piece, leaf: leaf as u32, question: *question })
                 })?;
                 question.count_from([0.0; 3], surface.boxes.size());
-                Ok(())
+                Ok(false)
             }
         }
         question.count_from([0.0; 3], self.boxes.size());

@@ -9,9 +9,8 @@ use crate::progress::Progress;
 
 /// How far from a given point its foot on the surface is looked for, in cells.
 const REACH: f64 = 4.0;
-/// The way back of a ray may differ by so many cells, or by the same part of its length if that is more.
-const BACK: f64 = 0.02;
-
+/// Within so many cells it is nearly always.
+const NEAR: f64 = 0.6;
 /// What is opposite of a point whose ray meets nothing is turned by this many degrees against it at least.
 const BESIDE: f64 = 150.0;
 
@@ -43,12 +42,10 @@ pub struct Measured {
     pub value: f64,
     /// What is opposite.
     pub opposite: Option<Place>,
-    /// Of a ray, whether the way back has the same length.
-    pub is_confirmed: bool,
 }
 
 /// What there is opposite of nothing.
-const NOTHING: Measured = Measured { value: f64::INFINITY, opposite: None, is_confirmed: true };
+const NOTHING: Measured = Measured { value: f64::INFINITY, opposite: None };
 
 /// A room to look in: all of the root.
 pub(super) fn farthest(surface: &Surface) -> f64 {
@@ -81,13 +78,9 @@ pub fn at(
                 return Ok(contact.map_or(NOTHING, |contact| Measured {
                     value: 2.0 * radius,
                     opposite: Some(contact.place),
-                    is_confirmed: false,
                 }));
             };
-            let back = surface.ray(hit.at, toward.map(|c| -c), 1.5 * hit.distance + 1.0, !options.gaps)?;
-            let tolerance = BACK.max(BACK * hit.distance);
-            let is_confirmed = back.is_some_and(|back| (back.distance - hit.distance).abs() <= tolerance);
-            Ok(Measured { value: hit.distance, opposite: Some(hit.place), is_confirmed })
+            Ok(Measured { value: hit.distance, opposite: Some(hit.place) })
         }
         Method::Sphere { separation } => {
             let apart = separation.to_radians().cos();
@@ -96,7 +89,6 @@ pub fn at(
             Ok(found.map_or(NOTHING, |(radius, bound)| Measured {
                 value: 2.0 * radius,
                 opposite: Some(bound.place),
-                is_confirmed: true,
             }))
         }
     }
@@ -137,7 +129,12 @@ pub fn at_world(
     options: Options,
     last: &mut PreviousContact,
 ) -> Result<Option<Measured>> {
-    let Some(foot) = surface.closest(surface.to_cells(world), REACH)? else { return Ok(None) };
+    let from = surface.to_cells(world);
+    let mut foot = surface.closest(from, NEAR)?;
+    if foot.is_none() {
+        foot = surface.closest(from, REACH)?;
+    }
+    let Some(foot) = foot else { return Ok(None) };
     let measured = at(surface, (foot.at, foot.normal), options, last)?;
     Ok(Some(Measured { value: measured.value * surface.cell(), ..measured }))
 }

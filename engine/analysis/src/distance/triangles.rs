@@ -1,6 +1,6 @@
 //! The triangles of a mesh, found by place: exact distances, and signs by winding numbers.
 
-use super::boxes::{Boxes, Lanes, Normals, Probe, Question, WIDE, block_of, reciprocals};
+use super::boxes::{Boxes, Lanes, Normals, Probe, Question, block_of, reciprocals};
 use super::patch::nearest_of_triangle;
 use super::spilled::{Spill, Spilled};
 use super::triangle_sort::{
@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::lattice::{cross, dot, minus, mix};
 use crate::progress::Progress;
 use crate::soup::Facets;
+use crate::wide::{Simd, f32x8};
 use std::path::Path;
 
 /// Triangles in a run of boxes, and in a group.
@@ -313,7 +314,7 @@ fn within(facet: &FacetCorners, number: usize) -> [f64; 3] {
 /// Something to ask of triangles.
 trait TriangleQuestion {
     /// See [`Question::nearness`].
-    fn nearness(&self, boxes: &Lanes, probe: &Probe) -> [f32; WIDE];
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, probe: &Probe) -> f32x8<S>;
     /// See [`Question::counts`].
     fn counts(&self, nearness: f32) -> bool;
     /// Looks at a triangle.
@@ -329,22 +330,23 @@ struct OfGroups<'a, Q> {
 }
 
 impl<Q: TriangleQuestion> Question for OfGroups<'_, Q> {
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        self.question.nearness(boxes, &self.probe)
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        self.question.nearness(simd, boxes, &self.probe)
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         self.question.counts(nearness)
     }
 
-    fn visit(&mut self, thing: usize) -> Result<()> {
+    fn visit(&mut self, thing: usize) -> Result<bool> {
         let (from, question) = (self.from, &mut *self.question);
         self.triangles.groups.with(thing, |group| {
             let probe = Probe::new(from, group.boxes.size());
             group.boxes.search(&mut OfGroup { corners: &group.corners, question, probe })
-        })
+        })?;
+        Ok(false)
     }
 }
 
@@ -356,20 +358,20 @@ struct OfGroup<'a, Q> {
 }
 
 impl<Q: TriangleQuestion> Question for OfGroup<'_, Q> {
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, _: Option<&Normals>) -> [f32; WIDE] {
-        self.question.nearness(boxes, &self.probe)
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, _: Option<&Normals>) -> f32x8<S> {
+        self.question.nearness(simd, boxes, &self.probe)
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         self.question.counts(nearness)
     }
 
     #[inline]
-    fn visit(&mut self, thing: usize) -> Result<()> {
+    fn visit(&mut self, thing: usize) -> Result<bool> {
         self.question.visit(&self.corners[thing]);
-        Ok(())
+        Ok(false)
     }
 }
 
@@ -384,12 +386,12 @@ struct NearestOf {
 }
 
 impl TriangleQuestion for NearestOf {
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, probe: &Probe) -> [f32; WIDE] {
-        boxes.squared_from(probe, ((self.within * (1.0 + TIE)) as f32).next_up())
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, probe: &Probe) -> f32x8<S> {
+        boxes.squared_from(simd, probe, ((self.within * (1.0 + TIE)) as f32).next_up())
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, nearness: f32) -> bool {
         f64::from(nearness) <= self.within * (1.0 + TIE)
     }
@@ -421,12 +423,12 @@ struct Passed {
 }
 
 impl TriangleQuestion for Passed {
-    #[inline]
-    fn nearness(&self, boxes: &Lanes, probe: &Probe) -> [f32; WIDE] {
-        boxes.entered(probe, self.over, (self.length as f32).next_up())
+    #[inline(always)]
+    fn nearness<S: Simd>(&self, simd: S, boxes: &Lanes, probe: &Probe) -> f32x8<S> {
+        boxes.entered(simd, probe, self.over, (self.length as f32).next_up())
     }
 
-    #[inline]
+    #[inline(always)]
     fn counts(&self, _: f32) -> bool {
         self.count.is_some()
     }
