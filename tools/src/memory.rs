@@ -25,6 +25,8 @@ const BYTES_A_SEGMENT_IDENTIFIED: u64 = 120;
 const BYTES_A_POINT: u64 = 400;
 /// The same where arrays of points lie in temporary files: numbers of the points of two levels, and lists of them.
 const BYTES_A_POINT_KEPT: u64 = 24;
+/// Edges between neighbours that are sorted at once while normals are found.
+const BYTES_OF_EDGES: u64 = 64 << 20;
 /// Share of the memory that what is left in memory of such arrays takes at most.
 const ARRAYS_SHARE: u64 = 4;
 /// What a thread needs beside pieces and records: a brick in work, its crossings, tables.
@@ -114,7 +116,8 @@ pub fn require_room_for_points(
     let points: u64 = clouds.iter().map(|input| input.cloud.points.len() as u64).sum();
     let facets: u64 = inputs.iter().map(Input::facets).sum();
     let parsed = inputs.iter().map(Input::heap_bytes).sum();
-    let in_files = points * BYTES_A_POINT_KEPT + budget.map_or(u64::MAX / 2, |size| size.0 / ARRAYS_SHARE);
+    let left = budget.map_or(u64::MAX / 2, |size| size.0 / ARRAYS_SHARE);
+    let in_files = points * BYTES_A_POINT_KEPT + BYTES_OF_EDGES + left;
     let of_points = in_files.min(points * BYTES_A_POINT);
     let need = of_points + facets * BYTES_A_FACET_DECIDED + FAR_FIELD_BYTES + BYTES_TO_WORK_WITH;
     match facets {

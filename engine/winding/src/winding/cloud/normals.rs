@@ -17,11 +17,11 @@ use rayon::prelude::*;
 const NEIGHBOURS: usize = 16;
 /// Sweeps of the eigenvalue iteration, which converges quadratically: five or six suffice for 3 × 3.
 const SWEEPS: usize = 12;
-/// Edges that are sorted together: 400 MB of them. It is no setting, since it decides between edges where more of them have
+/// Edges that are sorted together: 50 MB of them. It is no setting, since it decides between edges where more of them have
 /// one cost.
-const EDGES_AT_ONCE: usize = 1 << 25;
+const EDGES_AT_ONCE: usize = 1 << 22;
 /// Points whose edges are looked at by all threads before they are gathered.
-const POINTS_AT_ONCE: usize = 1 << 16;
+const POINTS_AT_ONCE: usize = 1 << 14;
 /// Costs of 1: 2^-30 resolves costs better than normals are known.
 const COST_ONE: f64 = (1 << 30) as f64;
 
@@ -40,13 +40,15 @@ impl Located for NumberedPoint {
     }
 }
 
-/// The plane through a point's neighbours.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct PointPlane {
-    normal: [f64; 3],
-    /// Numbers in the tree; where there are fewer, the point's own.
-    around: [u32; NEIGHBOURS],
+/// Numbers of a point's neighbours in the tree; where there are fewer, its own.
+type AroundPoint = [u32; NEIGHBOURS];
+
+/// The graph of neighbours, each with the normal of the plane through those around it.
+///
+/// Ends of edges are anywhere: their normals are apart from all the rest, so that many of them are in a page.
+struct NeighbourGraph {
+    normals: LargeArray<[f64; 3]>,
+    around: LargeArray<AroundPoint>,
 }
 
 /// An edge of the graph of neighbours: what it costs, the lower of its ends, the other one.
@@ -63,30 +65,20 @@ pub fn estimate_normals(cloud: &mut PointCloud, progress: &dyn Progress) -> Resu
     progress.phase("estimating normals", Some(points.len() as u64), "points");
     let numbered = |n: usize| Some(NumberedPoint { position: points[n], number: n as u64 });
     let tree = KdTree::new(LargeArray::of_each(points.len(), &room, numbered)?);
-    let plane = |number: usize| {
-        progress.advance(1);
-        if progress.cancelled() { None } else { Some(plane_of(number, &tree)) }
-    };
-    let mut planes = LargeArray::of_each(tree.points().len(), &room, plane)?;
+    let graph = NeighbourGraph::of(&tree, progress)?;
+    let mut forest = Forest::new(points.len(), &room)?;
+    forest.span(&graph, EDGES_AT_ONCE)?;
     progress.check()?;
-    let mut forest = Forest::new(planes.len(), &room)?;
-    forest.span(&planes, EDGES_AT_ONCE)?;
-    progress.check()?;
-    orient(tree.points(), &mut planes, forest)?;
-    let mut normals = LargeArray::zeroed(planes.len(), &room)?;
-    for (point, plane) in tree.points().iter().zip(planes.iter()) {
-        normals[point.number as usize] = plane.normal;
+    let NeighbourGraph { normals: mut turned, around } = graph;
+    drop(around);
+    orient(tree.points(), &mut turned, forest)?;
+    let mut normals = LargeArray::zeroed(points.len(), &room)?;
+    for (point, normal) in tree.points().iter().zip(&turned) {
+        normals[point.number as usize] = *normal;
     }
     progress.check()?;
     cloud.normals = normals;
     Ok(())
-}
-
-fn plane_of(number: usize, tree: &KdTree<NumberedPoint>) -> PointPlane {
-    let near = tree.around(tree.points()[number].position, NEIGHBOURS);
-    let mut around = [number as u32; NEIGHBOURS];
-    around.iter_mut().zip(&near).for_each(|(to, neighbour)| *to = neighbour.number);
-    PointPlane { normal: plane_normal(near.iter().map(|neighbour| neighbour.place)), around }
 }
 
 /// The direction in which the points extend least; 0 if they coincide.
@@ -139,19 +131,42 @@ fn eigenvectors(m: &mut [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     v
 }
 
-impl PointPlane {
-    /// How much two planes differ.
-    fn cost(&self, other: &PointPlane) -> u32 {
-        ((1.0 - dot(self.normal, other.normal).abs()).max(0.0) * COST_ONE) as u32
+impl NeighbourGraph {
+    fn of(tree: &KdTree<NumberedPoint>, progress: &dyn Progress) -> Result<NeighbourGraph> {
+        let (points, room) = (tree.points(), tree.points().room());
+        let around = |number: usize| {
+            progress.advance(1);
+            if progress.cancelled() { None } else { Some(around_point(number, tree)) }
+        };
+        let around = LargeArray::of_each(points.len(), room, around)?;
+        progress.check()?;
+        let there = points.len().min(NEIGHBOURS);
+        let normal = |number: usize| {
+            Some(plane_normal(around[number][..there].iter().map(|&other| points[other as usize].position)))
+        };
+        let normals = LargeArray::of_each(points.len(), room, normal)?;
+        Ok(NeighbourGraph { normals, around })
+    }
+
+    /// How much the planes of two points differ.
+    fn cost(&self, a: u32, b: u32) -> u32 {
+        let along = dot(self.normals[a as usize], self.normals[b as usize]);
+        ((1.0 - along.abs()).max(0.0) * COST_ONE) as u32
+    }
+
+    /// The edges from a point. Those to a point that has it among its neighbours are that one's, too.
+    fn edges_of(&self, number: usize) -> impl Iterator<Item = GraphEdge> {
+        let own = number as u32;
+        let others = self.around[number].into_iter().filter(move |&other| other != own);
+        others.map(move |other| (self.cost(own, other), own.min(other), own.max(other)))
     }
 }
 
-/// The edges of a point that are not those of a point before it.
-fn edges_of(number: usize, planes: &[PointPlane]) -> impl Iterator<Item = GraphEdge> {
-    let own = number as u32;
-    let is_first = move |b: u32| b > own || (b < own && !planes[b as usize].around.contains(&own));
-    let around = planes[number].around.into_iter().filter(move |&b| is_first(b));
-    around.map(move |b| (planes[number].cost(&planes[b as usize]), own.min(b), own.max(b)))
+fn around_point(number: usize, tree: &KdTree<NumberedPoint>) -> AroundPoint {
+    let mut around = [number as u32; NEIGHBOURS];
+    let near = tree.around(tree.points()[number].position, NEIGHBOURS);
+    around.iter_mut().zip(&near).for_each(|(to, neighbour)| *to = neighbour.number);
+    around
 }
 
 /// A spanning forest of the graph of neighbours, the cost of an edge being how much the planes at its ends differ.
@@ -169,11 +184,11 @@ impl Forest {
     /// Finds the edges of least cost (Kruskal 1956), those that cost less before others, so that most of these are known to
     /// join nothing when their turn comes. Equal costs are taken in the order of the points, as long as not more than
     /// `at_once` edges of one cost may join something.
-    fn span(&mut self, planes: &[PointPlane], at_once: usize) -> Result<()> {
-        let ends = ends_of_bands(planes, at_once);
+    fn span(&mut self, graph: &NeighbourGraph, at_once: usize) -> Result<()> {
+        let ends = ends_of_bands(graph, at_once);
         let mut from = 0;
         while let Some(&end) = ends.iter().find(|end| **end > from) {
-            from = self.span_band(planes, (from, end), at_once)?;
+            from = self.span_band(graph, (from, end), at_once)?;
         }
         Ok(())
     }
@@ -182,16 +197,16 @@ impl Forest {
     /// than what is returned.
     fn span_band(
         &mut self,
-        planes: &[PointPlane],
+        graph: &NeighbourGraph,
         (from, mut to): (u32, u32),
         at_once: usize,
     ) -> Result<u32> {
         let mut edges: Vec<GraphEdge> = Vec::new();
-        for first in (0..planes.len()).step_by(POINTS_AT_ONCE) {
+        for first in (0..graph.normals.len()).step_by(POINTS_AT_ONCE) {
             let of_band = |edge: &GraphEdge| (from..to).contains(&edge.0);
-            let numbers = first..planes.len().min(first + POINTS_AT_ONCE);
+            let numbers = first..graph.normals.len().min(first + POINTS_AT_ONCE);
             let some: Vec<GraphEdge> =
-                numbers.into_par_iter().flat_map_iter(|n| edges_of(n, planes).filter(of_band)).collect();
+                numbers.into_par_iter().flat_map_iter(|n| graph.edges_of(n).filter(of_band)).collect();
             edges.extend(some.into_iter().filter(|edge| self.root_of(edge.1) != self.root_of(edge.2)));
             if edges.len() <= at_once {
                 continue;
@@ -236,7 +251,7 @@ impl Forest {
 }
 
 /// Where ranges of costs end: the first has about `at_once` edges, each other one twice as many as the one before.
-fn ends_of_bands(planes: &[PointPlane], at_once: usize) -> Vec<u32> {
+fn ends_of_bands(graph: &NeighbourGraph, at_once: usize) -> Vec<u32> {
     // By their three leading bits.
     let class_of = |cost: u32| {
         let bits = 32 - cost.leading_zeros();
@@ -244,12 +259,12 @@ fn ends_of_bands(planes: &[PointPlane], at_once: usize) -> Vec<u32> {
     };
     let first_of = |class: u32| if class < 8 { class } else { (4 + (class & 3)) << (class / 4 - 2) };
     let count = |mut counts: Vec<usize>, number: usize| {
-        edges_of(number, planes).for_each(|edge| counts[class_of(edge.0) as usize] += 1);
+        graph.edges_of(number).for_each(|edge| counts[class_of(edge.0) as usize] += 1);
         counts
     };
     let sum = |a: Vec<usize>, b: Vec<usize>| a.iter().zip(b).map(|(a, b)| a + b).collect();
     let none = || vec![0usize; 128];
-    let counts = (0..planes.len()).into_par_iter().fold(none, count).reduce(none, sum);
+    let counts = (0..graph.normals.len()).into_par_iter().fold(none, count).reduce(none, sum);
     let (mut ends, mut edges, mut enough) = (Vec::new(), 0usize, at_once);
     for (class, count) in (0u32..).zip(counts) {
         if edges > 0 && edges + count > enough {
@@ -264,8 +279,8 @@ fn ends_of_bands(planes: &[PointPlane], at_once: usize) -> Vec<u32> {
 
 /// Turns normals the same way along the edges of a forest, from each tree's topmost point, whose normal
 /// points up.
-fn orient(points: &[NumberedPoint], planes: &mut LargeArray<PointPlane>, forest: Forest) -> Result<()> {
-    let (room, count) = (planes.room().clone(), points.len());
+fn orient(points: &[NumberedPoint], normals: &mut LargeArray<[f64; 3]>, forest: Forest) -> Result<()> {
+    let (room, count) = (normals.room().clone(), points.len());
     let tops = tops_of(points, &forest, &room)?;
     let edges = forest.kept;
     drop(forest.parents);
@@ -284,14 +299,14 @@ fn orient(points: &[NumberedPoint], planes: &mut LargeArray<PointPlane>, forest:
     drop((edges, ends));
     let mut waiting = Vec::new();
     for &top in &tops {
-        turn(&mut planes[top as usize].normal, [0.0, 0.0, 1.0]);
+        turn(&mut normals[top as usize], [0.0, 0.0, 1.0]);
         // From each point to all but the one that it was reached from.
         waiting.push((top, top));
         while let Some((v, before)) = waiting.pop() {
-            let along = planes[v as usize].normal;
+            let along = normals[v as usize];
             for &to in &linked[starts[v as usize] as usize..starts[v as usize + 1] as usize] {
                 if to != before {
-                    turn(&mut planes[to as usize].normal, along);
+                    turn(&mut normals[to as usize], along);
                     waiting.push((to, v));
                 }
             }
@@ -333,7 +348,7 @@ mod tests {
     use brickfield_bench_data::Rng;
 
     /// Planes with normals at random or along an axis, around each of which are the numbers next to it.
-    fn planes(count: usize, rng: &mut Rng) -> Vec<PointPlane> {
+    fn graph(count: usize, rng: &mut Rng) -> NeighbourGraph {
         let near = |n: usize, i: usize| (n + i).saturating_sub(NEIGHBOURS / 2).min(count - 1) as u32;
         let mut normal = || match rng.below(3) {
             0 => [0.0, 0.0, 1.0],
@@ -343,29 +358,29 @@ mod tests {
                 v.map(|c| c / length)
             }
         };
-        let plane = |n| PointPlane { normal: normal(), around: std::array::from_fn(|i| near(n, i)) };
-        (0..count).map(plane).collect()
+        let normals: Vec<[f64; 3]> = (0..count).map(|_| normal()).collect();
+        let around: Vec<AroundPoint> = (0..count).map(|n| std::array::from_fn(|i| near(n, i))).collect();
+        NeighbourGraph { normals: normals.into(), around: around.into() }
     }
 
     /// However few edges are in memory at once, the forest spans at the same cost.
     #[test]
     fn forests_do_not_depend_on_what_is_in_memory() {
         let mut rng = Rng::new(7);
-        let planes = planes(5000, &mut rng);
-        let cost = |forest: &Forest| -> u64 {
-            forest.kept.iter().map(|&[a, b]| u64::from(planes[a as usize].cost(&planes[b as usize]))).sum()
-        };
+        let graph = graph(5000, &mut rng);
+        let cost =
+            |forest: &Forest| -> u64 { forest.kept.iter().map(|&[a, b]| u64::from(graph.cost(a, b))).sum() };
         let room = ArrayRoom::unbounded();
         let mut all = Vec::new();
         for at_once in [usize::MAX / 2, 4000, 1000, 10] {
-            let mut forest = Forest::new(planes.len(), &room).unwrap();
-            forest.span(&planes, at_once).unwrap();
-            assert_eq!(forest.kept.len(), planes.len() - 1);
+            let mut forest = Forest::new(5000, &room).unwrap();
+            forest.span(&graph, at_once).unwrap();
+            assert_eq!(forest.kept.len(), 4999);
             all.push(cost(&forest));
         }
-        let ends = ends_of_bands(&planes, 4000);
+        let ends = ends_of_bands(&graph, 4000);
         assert!(ends.len() >= 3 && ends.windows(2).all(|pair| pair[0] < pair[1]), "{ends:?}");
-        assert_eq!(ends_of_bands(&planes, usize::MAX / 2), [u32::MAX]);
+        assert_eq!(ends_of_bands(&graph, usize::MAX / 2), [u32::MAX]);
         assert!(all.iter().all(|cost| *cost == all[0]), "{all:?}");
     }
 }
