@@ -135,8 +135,10 @@ fn points_in_files_give_the_same_store() {
             let room = ArrayRoom::new(bytes, dir.path());
             let input = CloudInput::open_within(&path, &room, &Silent).unwrap();
             let output = dir.path().join("scan.brf");
-            let options =
+            let mut options =
                 BuildOptions { gwn_error: 0.05, resolution: Resolution::Depth(1), ..BuildOptions::default() };
+            // Less than all arrays need.
+            options.resources.memory = bytes.saturating_add(100_000);
             build_clouds(vec![input], estimate, &output, &options, &Silent).unwrap();
             std::fs::read(output).unwrap()
         };

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::units::Size;
 use brickfield_engine::backend::Vulkan;
-use brickfield_engine::build::BuildOptions;
+use brickfield_engine::build::{BYTES_A_POINT, BuildOptions};
 use brickfield_engine::ingest::{CloudInput, Input};
 use brickfield_engine::render::NODE_BYTES;
 use brickfield_engine::store::{Refine, Store};
@@ -20,10 +20,7 @@ const BYTES_A_SEGMENT_FOLLOWED: u64 = 120;
 const BYTES_A_SEGMENT_DECIDED: u64 = 480;
 /// What telling beads apart adds: the segments of two levels again.
 const BYTES_A_SEGMENT_IDENTIFIED: u64 = 120;
-/// Point clouds with their clusters and the points of two levels at once. Measured on a million points: 277 MB in all, and
-/// 379 MB where normals are found from neighbours.
-const BYTES_A_POINT: u64 = 400;
-/// The same where arrays of points lie in temporary files: numbers of the points of two levels, and lists of them.
+/// A point of a cloud whose arrays lie in temporary files: its number in two levels, and in lists of them.
 const BYTES_A_POINT_KEPT: u64 = 24;
 /// Edges between neighbours that are sorted at once while normals are found.
 const BYTES_OF_EDGES: u64 = 64 << 20;

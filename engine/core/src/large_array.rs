@@ -88,6 +88,11 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
         &self.room
     }
 
+    /// Gives it another room; where it is too large for that, it goes to a file as it grows.
+    pub fn set_room(&mut self, room: &ArrayRoom) {
+        self.room = room.clone();
+    }
+
     /// Appends an item.
     ///
     /// # Errors

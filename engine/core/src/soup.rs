@@ -54,6 +54,12 @@ impl PointCloud {
         PointCloud { points: LargeArray::new(room), normals: LargeArray::new(room) }
     }
 
+    /// Gives its arrays, and those that are made from them, another room.
+    pub fn set_room(&mut self, room: &ArrayRoom) {
+        self.points.set_room(room);
+        self.normals.set_room(room);
+    }
+
     /// Of points and as many normals, or none.
     pub fn of(points: Vec<[f64; 3]>, normals: Vec<[f64; 3]>) -> PointCloud {
         PointCloud { points: points.into(), normals: normals.into() }

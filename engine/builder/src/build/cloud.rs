@@ -146,7 +146,7 @@ impl BuildSource for CloudSource {
 
     fn begin(&mut self, BuildContext { output, options, progress }: BuildContext<'_>) -> Result<Task> {
         let sources = self.inputs.sources().collect::<Result<_>>()?;
-        let surfels = self.inputs.measure(progress)?;
+        let surfels = self.inputs.measure(options.resources.memory, progress)?;
         let (root, depth) = place_cloud(surfels, self.first.as_deref(), options.resolution)?;
         let mut task = Task::begin(sources, surfels.points, root, depth, output, options, None)?;
         task.rules.evaluate_interior = true;

@@ -3,9 +3,14 @@
 use super::summary::PointsSummary;
 use crate::error::{Error, Result};
 use crate::ingest::CloudInput;
+use crate::large_array::ArrayRoom;
 use crate::progress::Progress;
 use crate::store::Source;
 use crate::winding::{Surfels, estimate_normals};
+
+/// What a point takes where all arrays of it are in memory, with its clusters and the lists of two levels. Measured on a million
+/// points: 277 MB in all, and 379 MB where normals are found from neighbours.
+pub const BYTES_A_POINT: u64 = 400;
 
 /// Point clouds that are built together, in the order in which they were given.
 pub(super) struct CloudInputs {
@@ -30,8 +35,12 @@ impl CloudInputs {
         self.given.iter().map(|input| describe(input, self.estimate))
     }
 
-    /// Measures them; see [`surfels`].
-    pub fn measure(&mut self, progress: &dyn Progress) -> Result<&Surfels> {
+    /// Measures them; see [`surfels`]. If `memory` bytes are enough for all arrays, none goes to a file from now on.
+    pub fn measure(&mut self, memory: u64, progress: &dyn Progress) -> Result<&Surfels> {
+        let points: u64 = self.given.iter().map(|input| input.cloud.points.len() as u64).sum();
+        if points.saturating_mul(BYTES_A_POINT) <= memory {
+            self.given.iter_mut().for_each(|input| input.cloud.set_room(&ArrayRoom::unbounded()));
+        }
         let surfels = surfels(std::mem::take(&mut self.given), self.estimate, progress)?;
         self.summary = PointsSummary::of(&surfels);
         Ok(self.surfels.insert(surfels))

@@ -149,7 +149,7 @@ impl BuildSource for MixedSource<'_> {
         let meshes = self.meshes.opened;
         let surveys = survey_all(meshes, progress)?;
         let sources = self.sources(&surveys)?;
-        let surfels = self.clouds.measure(progress)?;
+        let surfels = self.clouds.measure(options.resources.memory, progress)?;
         let first = meshes.first().map(Input::path);
         let MixedPlace { bounds, root, depth } =
             MixedPlace::of(&surveys, surfels, first, options.resolution)?;

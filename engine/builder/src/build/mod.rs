@@ -57,7 +57,7 @@ mod toolpaths;
 
 pub use closed::is_closed;
 pub use cloud::{build_clouds, cloud_cells};
-pub use cloud_inputs::surfels;
+pub use cloud_inputs::{BYTES_A_POINT, surfels};
 pub use in_memory::{TreeInMemory, build_clouds_in_memory, build_inputs_in_memory, build_mixed_in_memory};
 pub use listed::listed_beads;
 pub use measure::{Measures, measure};
