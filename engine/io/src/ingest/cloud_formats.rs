@@ -9,7 +9,7 @@ use crate::soup::PointCloud;
 use std::path::Path;
 
 /// What reads a file.
-type Read = fn(&Path, &[u8], &ArrayRoom, &dyn Progress) -> Result<(PointCloud, CloudColumns)>;
+pub(super) type ReadCloud = fn(&Path, &[u8], &ArrayRoom, &dyn Progress) -> Result<(PointCloud, CloudColumns)>;
 
 /// A format of point clouds.
 pub(super) struct CloudFormat {
@@ -20,7 +20,7 @@ pub(super) struct CloudFormat {
     /// Whether it says its unit, so that positions are in millimetres.
     pub in_millimetres: bool,
     tell: fn(&Path, &[u8]) -> bool,
-    pub read: Read,
+    pub read: ReadCloud,
 }
 
 /// Formats that are told by their content.

@@ -1,5 +1,6 @@
 //! The readers of meshes and point clouds, fed with any bytes.
 
+use super::cloud_formats::ReadCloud;
 use super::detect::{self, ReaderKind};
 use super::polygons::Polygons;
 use super::three_mf::ThreeMf;
@@ -55,10 +56,7 @@ pub fn ply(bytes: &[u8]) {
     let path = Path::new("a.ply");
     match ply::has_faces(path, bytes) {
         Ok(true) => check(ply::read(path, bytes, &Silent).map(|(polygons, _)| polygons)),
-        Ok(false) => points(
-            ply::read_cloud(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud),
-            path,
-        ),
+        Ok(false) => points(ply::read_cloud, path, bytes),
         Err(error) => refused(&error),
     }
 }
@@ -66,11 +64,8 @@ pub fn ply(bytes: &[u8]) {
 /// Points as text.
 pub fn xyz(bytes: &[u8]) {
     let path = Path::new("a.xyz");
-    points(cloud_text::read(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud), path);
-    points(
-        super::pcd::read(Path::new("a.pcd"), bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud),
-        Path::new("a.pcd"),
-    );
+    points(cloud_text::read, path, bytes);
+    points(super::pcd::read, Path::new("a.pcd"), bytes);
     detect::is_cloud(Path::new("a"), bytes);
     detect::what_is(path, bytes);
 }
@@ -78,13 +73,13 @@ pub fn xyz(bytes: &[u8]) {
 /// Any bytes as LAS, packed or not.
 pub fn las(bytes: &[u8]) {
     let path = Path::new("a.las");
-    points(super::las::read(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud), path);
+    points(super::las::read, path, bytes);
 }
 
 /// Any bytes as E57.
 pub fn e57(bytes: &[u8]) {
     let path = Path::new("a.e57");
-    points(super::e57::read(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud), path);
+    points(super::e57::read, path, bytes);
 }
 
 /// Any bytes as the archive of a 3MF file.
@@ -111,7 +106,8 @@ pub fn glb(bytes: &[u8]) {
     check(super::gltf::read(Path::new("a.glb"), bytes, &Silent));
 }
 
-fn points(cloud: Result<crate::soup::PointCloud>, path: &Path) {
+fn points(read: ReadCloud, path: &Path, bytes: &[u8]) {
+    let cloud = read(path, bytes, &ArrayRoom::unbounded(), &Silent).map(|(cloud, _)| cloud);
     match cloud.and_then(|cloud| cloud::check(&cloud, path).map(|()| cloud)) {
         Ok(cloud) => {
             assert!(cloud.normals.is_empty() || cloud.normals.len() == cloud.points.len());

@@ -44,10 +44,10 @@ impl Flow<'_, '_> {
     /// Carries a line of a macro out: the line to go on with, or `None` at the program's end.
     pub(super) fn macro_line(&mut self, at: usize, line: &[u8], clean: &[u8]) -> Result<Option<usize>> {
         let asked = statement(clean, &self.variables);
-        match asked.map_err(|what| self.reader.out.refused(shown(clean), &what, REMEDY))? {
+        match asked.map_err(|what| self.wrong_line(clean, &what))? {
             Statement::Set(name, value) => {
                 let set = self.variables.set(name, value);
-                set.map_err(|what| self.reader.out.refused(shown(clean), &what, REMEDY))?;
+                set.map_err(|what| self.wrong_line(clean, &what))?;
                 Ok(Some(at + 1))
             }
             Statement::Jump(None) => Ok(Some(at + 1)),
@@ -57,7 +57,7 @@ impl Flow<'_, '_> {
                 Some(end) => Ok(Some(end + 1)),
                 None => {
                     let what = format!("begins a loop without END{number} of its own");
-                    Err(self.reader.out.refused(shown(clean), &what, REMEDY))
+                    Err(self.wrong_line(clean, &what))
                 }
             },
             Statement::LoopEnd(number) => match self.jumps.begin_of(at) {
@@ -67,7 +67,7 @@ impl Flow<'_, '_> {
                 }
                 None => {
                     let what = format!("ends a loop that no DO{number} begins");
-                    Err(self.reader.out.refused(shown(clean), &what, REMEDY))
+                    Err(self.wrong_line(clean, &what))
                 }
             },
             Statement::Words(plain) => {
@@ -90,24 +90,23 @@ impl Flow<'_, '_> {
         let found = match self.jumps.blocks(number, from, to) {
             [found] => *found,
             [] => {
-                return Err(
-                    self.jumps_wrong(clean, &format!("goes to N{number}, which this program has not"))
-                );
+                return Err(self.wrong_line(clean, &format!("goes to N{number}, which this program has not")));
             }
             _ => {
                 return Err(
-                    self.jumps_wrong(clean, &format!("goes to N{number}, which this program has twice"))
+                    self.wrong_line(clean, &format!("goes to N{number}, which this program has twice"))
                 );
             }
         };
         if self.jumps.enters_loop(at, found) {
-            return Err(self.jumps_wrong(clean, &format!("goes to N{number}, into a loop from outside")));
+            return Err(self.wrong_line(clean, &format!("goes to N{number}, into a loop from outside")));
         }
         self.repeats |= found <= at;
         Ok(found)
     }
 
-    fn jumps_wrong(&self, clean: &[u8], what: &str) -> crate::error::Error {
+    /// The error of a line that cannot be followed.
+    fn wrong_line(&self, clean: &[u8], what: &str) -> crate::error::Error {
         self.reader.out.refused(shown(clean), what, REMEDY)
     }
 
