@@ -125,16 +125,6 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
         Ok(())
     }
 
-    /// A copy that has the same room.
-    ///
-    /// # Errors
-    /// As [`LargeArray::push`].
-    pub fn clone_within(&self) -> Result<LargeArray<T>> {
-        let mut copy = LargeArray::new(&self.room);
-        copy.extend_from_slice(self)?;
-        Ok(copy)
-    }
-
     /// Keeps the first items.
     pub fn truncate(&mut self, count: usize) {
         match &mut self.content {

@@ -287,16 +287,15 @@ fn orient(points: &[NumberedPoint], normals: &mut LargeArray<[f64; 3]>, forest: 
     let mut starts = LargeArray::<u32>::zeroed(count + 1, &room)?;
     edges.iter().flatten().for_each(|&v| starts[v as usize + 1] += 1);
     (1..starts.len()).for_each(|v| starts[v] += starts[v - 1]);
-    // Each begins where the next one ends once all are there.
+    // Once all are there, each start is where the next point's begin.
     let mut linked = LargeArray::<u32>::zeroed(2 * edges.len(), &room)?;
-    let mut ends = starts.clone_within()?;
     for &[a, b] in &edges {
         for (from, to) in [(a, b), (b, a)] {
-            linked[ends[from as usize] as usize] = to;
-            ends[from as usize] += 1;
+            linked[starts[from as usize] as usize] = to;
+            starts[from as usize] += 1;
         }
     }
-    drop((edges, ends));
+    drop(edges);
     let mut waiting = Vec::new();
     for &top in &tops {
         turn(&mut normals[top as usize], [0.0, 0.0, 1.0]);
@@ -304,7 +303,8 @@ fn orient(points: &[NumberedPoint], normals: &mut LargeArray<[f64; 3]>, forest: 
         waiting.push((top, top));
         while let Some((v, before)) = waiting.pop() {
             let along = normals[v as usize];
-            for &to in &linked[starts[v as usize] as usize..starts[v as usize + 1] as usize] {
+            let begin = if v == 0 { 0 } else { starts[v as usize - 1] as usize };
+            for &to in &linked[begin..starts[v as usize] as usize] {
                 if to != before {
                     turn(&mut normals[to as usize], along);
                     waiting.push((to, v));
