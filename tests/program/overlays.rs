@@ -52,7 +52,7 @@ fn draw(command: &str, store: &Path, out: &Path, more: &[&str]) -> Pixels {
 }
 
 /// A block of 20³ with two cavities out of step with the cells, of 48 and of 27.
-fn block(dir: &Scratch) -> PathBuf {
+pub fn block(dir: &Scratch) -> PathBuf {
     let small = shapes::cuboid([-1.5; 3], [1.5; 3]).rotated([1.0, 2.0, 3.0], 0.7).translated([5.1, 6.2, 7.3]);
     let large = shapes::cuboid([-1.0, -2.0, -3.0], [1.0, 2.0, 3.0]).rotated([0.3, -1.0, 0.5], 0.4);
     let large = large.translated([13.3, 12.7, 11.9]);

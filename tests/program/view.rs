@@ -1,5 +1,6 @@
 //! `brickfield view`: a window on an X server without a screen, whose pictures are those of `render`.
 
+use super::overlays::block;
 use crate::support::*;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -97,6 +98,11 @@ fn scripts_and_options_that_make_no_sense_are_refused_before_a_window_opens() {
     assert!(message.contains("none.txt: cannot open the script"), "{message}");
     let message = run(&[&"view", &store, &"--layer-height", &"0"]).misused();
     assert!(message.contains("--layer-height"), "{message}");
+    let message = run(&[&"view", &store, &"--closing", &"1"]).misused();
+    assert!(message.contains("--closing belongs to --style voids"), "{message}");
+    let script = dir.file("script.txt", "fit\nstyle voids\n");
+    let message = run(&[&"view", &store, &"--script", &script]).failed();
+    assert!(message.contains("line 2: voids have not been looked for"), "{message}");
 }
 
 /// Runs a script, and draws what was printed with each screenshot by `render`: to have the same bytes. Returns the lines.
@@ -145,6 +151,37 @@ fn a_scripted_session_shows_what_render_draws() {
         pictures.sort();
         pictures.dedup();
         assert_eq!(pictures.len(), 7);
+    }
+}
+
+/// What analyses find is one style among the others. The processor paints it, whatever paints these.
+#[test]
+#[ignore = "needs Xvfb and a Vulkan driver; run with -- --ignored view"]
+fn a_window_shows_what_is_found() {
+    let dir = Scratch::new();
+    let store = block(&dir);
+    let display = Display::new();
+    let reference = dir.path("block.stl").display().to_string();
+    let voids = "void 2\nscreenshot a.png\nkey n\nscreenshot b.png\nstyle solid\nscreenshot c.png\nkey t\nkey t\n\
+                 key t\ncut off\nview front\nscreenshot d.png\nquit\n";
+    let others = "cut x 5\nscreenshot a.png\nstyle boundary\nscreenshot b.png\nquit\n";
+    for (script, backend, finding, by) in [
+        (voids, "cpu", &["--style", "voids", "--colour-by", "size", "--min-volume", "30"][..], "cpu cpu cpu"),
+        (voids, "vulkan", &["--style", "voids"], "cpu cpu vulkan cpu"),
+        (others, "vulkan", &["--style", "thickness", "--below", "2.5", "--method", "ray"], "cpu vulkan"),
+        (others, "cpu", &["--style", "deviation", "--reference", &reference, "--within", "0.1"], "cpu cpu"),
+    ] {
+        // Of one void alone there is no second.
+        let script = if finding.contains(&"--min-volume") {
+            script.replacen("void 2\nscreenshot a.png\n", "", 1)
+        } else {
+            script.to_owned()
+        };
+        let more = [&["--size", "160x120", "--backend", backend], finding].concat();
+        let lines = compare(&display, &dir, &store, &script, &more);
+        let painted: Vec<&str> =
+            lines.iter().filter_map(|line| line.rsplit_once("--backend ")).map(|(_, by)| by).collect();
+        assert_eq!(painted.join(" "), by, "{lines:?}");
     }
 }
 

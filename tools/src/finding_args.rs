@@ -1,6 +1,7 @@
 //! What the user types for what analyses find, in pictures.
 
 use crate::distance_args::{AlignArg, MeasureArg, angle};
+use crate::kinds::typed;
 use crate::picture_args::StyleArg;
 use crate::units::Length;
 use crate::void_args::not_negative;
@@ -31,6 +32,16 @@ impl Finding {
         ("deviation", Finding::Deviation),
         ("changes", Finding::Changes),
     ];
+
+    /// The one of a name.
+    pub fn named(name: &str) -> Option<Finding> {
+        Finding::NAMED.into_iter().find(|(named, _)| *named == name).map(|(_, finding)| finding)
+    }
+
+    /// Its name as a style.
+    pub fn name(self) -> &'static str {
+        Finding::NAMED.into_iter().find(|(_, finding)| *finding == self).map_or("", |(name, _)| name)
+    }
 }
 
 /// What a picture in space shows.
@@ -46,7 +57,7 @@ impl FromStr for ShownArg {
     type Err = String;
 
     fn from_str(text: &str) -> Result<ShownArg, String> {
-        if let Some((_, finding)) = Finding::NAMED.into_iter().find(|(name, _)| *name == text) {
+        if let Some(finding) = Finding::named(text) {
             return Ok(ShownArg::Finding(finding));
         }
         let names = Finding::NAMED.map(|(name, _)| name).join(", ");
@@ -154,11 +165,58 @@ impl FindingArgs {
         ];
         all.into_iter().filter(|(is_given, ..)| *is_given).map(|(_, option, finding)| (option, finding))
     }
+
+    /// All that were given but for the folder, as a shell takes them, with a space before each.
+    #[cfg_attr(not(feature = "view"), allow(dead_code))]
+    pub fn options(&self) -> String {
+        let length = |length: Option<Length>| length.map(|length| length.to_string());
+        let file = |path: &Option<PathBuf>| path.as_ref().map(|path| typed(path));
+        let classes: Vec<String> = self.classes.iter().filter_map(|class| name(*class)).collect();
+        let all = [
+            ("--colour-by", self.colour_by.and_then(name)),
+            ("--classes", (!classes.is_empty()).then(|| classes.join(","))),
+            ("--min-volume", self.min_volume.map(|volume| volume.to_string())),
+            ("--closing", length(self.closing)),
+            ("--cad", file(&self.cad)),
+            ("--method", self.measure.and_then(name)),
+            ("--separation", self.separation.map(|degrees| degrees.to_string())),
+            ("--below", length(self.below)),
+            ("--range", length(self.range)),
+            ("--reference", file(&self.reference)),
+            ("--within", length(self.within)),
+            ("--align", self.align.and_then(name)),
+            ("--before", file(&self.before)),
+        ];
+        let given = all.into_iter().filter_map(|(option, value)| Some(format!(" {option} {}", value?)));
+        let gaps = self.gaps.then(|| " --gaps".to_owned());
+        given.chain(gaps).collect()
+    }
+}
+
+/// A choice as it is typed.
+fn name(choice: impl ValueEnum) -> Option<String> {
+    choice.to_possible_value().map(|value| value.get_name().to_owned())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_was_typed_can_be_typed_again() {
+        #[derive(clap::Parser)]
+        struct Typed {
+            #[command(flatten)]
+            finding: FindingArgs,
+        }
+        let typed = " --colour-by size --classes pocket,flaw --min-volume 0.5 --closing 0.4mm --cad 'a cad.brf' \
+                     --method ray --separation 60 --below 0.8 --reference part.stl --within 100um --align shift \
+                     --before old.brf --gaps";
+        let words = typed.replace("a cad", "a_cad").replace('\'', "");
+        let words = words.split(' ').map(|word| word.replace("a_cad", "a cad"));
+        let args = <Typed as clap::Parser>::try_parse_from(words).expect("all are options");
+        assert_eq!(args.finding.options(), typed);
+    }
 
     #[test]
     fn findings_are_styles_of_their_own() {

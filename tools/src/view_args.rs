@@ -1,7 +1,8 @@
 //! What the user types for the window.
 
 use crate::args::IoArg;
-use crate::picture_args::{DrawArgs, PixelsArg, StyleArg, ViewArg};
+use crate::finding_args::{FindingArgs, ShownArg};
+use crate::picture_args::{DrawArgs, PixelsArg, ViewArg};
 use crate::units::{Length, Size};
 use crate::work::WorkArgs;
 use clap::Args;
@@ -13,6 +14,9 @@ use std::path::PathBuf;
 A coarse picture follows every movement, and gets finer while nothing moves, until it has the very pixels of `render` with \
 the same --backend. The window needs an X11 display, or Xwayland, and a Vulkan driver, GPU or software, whatever casts the \
 rays; should a device fail, the processor goes on in its place.
+
+With --style voids, thickness, deviation or changes the window opens when they are found. The processor shows them, as `render` \
+does without legend; t changes to other styles and back.
 
 Mouse: left drag turns, right or middle drag (or with shift) moves, the wheel zooms. The strip at the right edge is the \
 height of the cutting plane: drag it to go through the layers.
@@ -43,7 +47,7 @@ open behind the last one unless that is quit.
   cut off                no cut
   layer N                cut at the upper end of the N-th layer
   void N                 look at void N of --voids, and cut through its middle
-  style NAME|FILE.toml   solid, boundary, overlap, or a file's
+  style NAME|FILE.toml   solid, boundary, overlap, a file's, or what --style found
   size WxH               pixels of the window
   key KEY                as if typed: a letter or digit, up, down, pageup, pagedown, home, end, escape
   drag BUTTON X Y X Y    as if dragged with the left, right or middle button
@@ -57,15 +61,18 @@ Examples:
   brickfield view part.brf
   brickfield view part.brf --style boundary --layer-height 0.2mm
   brickfield view part.brf --voids voids.csv
+  brickfield view part.brf --style voids --closing 0.4mm
+  brickfield view part.brf --style thickness --below 0.8mm
   brickfield view part.brf --backend vulkan --script tour.txt")]
 #[cfg_attr(not(feature = "view"), allow(dead_code))]
 pub struct WindowArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
-    /// The style to begin with: solid, boundary, overlap, or what a file says, as in `render`
+    /// The style to begin with: solid, boundary, overlap, what a file says, or what is found, as in `render`: voids,
+    /// thickness, deviation, changes
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "solid")]
-    pub style: StyleArg,
+    pub style: ShownArg,
     /// From where to begin: iso, top, bottom, front, back, left, right; or degrees from the x axis towards y, and above
     /// the xy plane, as in 30,20
     #[arg(long, value_name = "NAME|AZ,EL", default_value = "iso", allow_hyphen_values = true)]
@@ -73,7 +80,7 @@ pub struct WindowArgs {
     /// Distance of the layers through which the cutting plane goes; by default the cell of the finest level
     #[arg(long, value_name = "LEN")]
     pub layer_height: Option<Length>,
-    /// Voids to look at one by one, from a table that `voids` wrote
+    /// Voids to look at one by one, from a table that `voids` wrote; with --style voids those that are found
     #[arg(long, value_name = "VOIDS.csv|.json")]
     pub voids: Option<PathBuf>,
     /// Width and height of the window in pixels
@@ -93,6 +100,8 @@ pub struct WindowArgs {
     pub memory: Size,
     #[command(flatten)]
     pub draws: DrawArgs,
+    #[command(flatten)]
+    pub finding: FindingArgs,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

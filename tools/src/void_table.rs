@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::output::in_line;
 use anyhow::{Context, anyhow};
+use brickfield_engine::voids::Void;
 use serde_json::Value;
 use std::path::Path;
 
@@ -13,6 +14,15 @@ pub struct VoidPlace {
     pub centre: [f64; 3],
     pub low: [f64; 3],
     pub high: [f64; 3],
+}
+
+impl VoidPlace {
+    /// Where a void that was found lies.
+    #[cfg_attr(not(feature = "view"), allow(dead_code))]
+    pub fn of(void: &Void) -> VoidPlace {
+        let [low, high] = void.bounds;
+        VoidPlace { id: void.id as u64, centre: void.centroid, low, high }
+    }
 }
 
 /// Columns that are read.

@@ -106,6 +106,16 @@ impl Findings {
         }
     }
 
+    /// The voids that are coloured, the largest first; none where something else was looked for.
+    #[cfg_attr(not(feature = "view"), allow(dead_code))]
+    pub fn voids_shown(&self) -> impl Iterator<Item = &Void> {
+        let voids = match self {
+            Findings::Voids { found, shown, .. } => Some(found.voids.iter().zip(shown)),
+            Findings::Thickness { .. } | Findings::Deviation { .. } | Findings::Changes { .. } => None,
+        };
+        voids.into_iter().flatten().filter(|(_, shown)| **shown).map(|(void, _)| void)
+    }
+
     /// Where a reference is inside, if it is a store.
     pub fn sides(&self) -> Result<Option<Sides<'_>>, Failure> {
         match self {

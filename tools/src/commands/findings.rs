@@ -64,9 +64,7 @@ pub(super) enum Findings {
 pub(super) fn require_own_options(args: &Search<'_>) -> Result<(), Failure> {
     let shown = args.shown;
     if let Some((option, owner)) = args.finding.given().find(|(_, owner)| Some(*owner) != shown) {
-        let name =
-            Finding::NAMED.into_iter().find(|(_, finding)| *finding == owner).map_or("", |(name, _)| name);
-        return Err(Failure::Usage(format!("{option} belongs to --style {name}")));
+        return Err(Failure::Usage(format!("{option} belongs to --style {}", owner.name())));
     }
     if args.finding.range.is_some() && !matches!(shown, Some(Finding::Thickness | Finding::Deviation)) {
         return Err(Failure::Usage("--range belongs to --style thickness and deviation".to_owned()));

@@ -21,8 +21,8 @@ mod vulkan;
 mod window;
 
 pub use painter::{Appearance, CpuPainter, Painter};
-pub use screenshots::{ScreenshotMessages, Screenshots};
+pub use screenshots::{ScreenshotLook, ScreenshotMessages, Screenshots, screenshot_name};
 pub use script::{ScriptLine, ScriptStep, place, read as read_script};
-pub use session::{Session, ViewedStore, quoted};
+pub use session::{Session, ViewedStore};
 pub use vulkan::VulkanPainter;
 pub use window::Window;

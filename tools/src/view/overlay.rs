@@ -1,4 +1,4 @@
-//! What lies over the picture: the slider, one line on what is seen, and the list of keys.
+//! What lies over the picture: the slider, one line on what is seen, what colours mean, and the list of keys.
 
 use super::session::{Session, letter};
 use brickfield_engine::picture::{Canvas, GLYPH_HEIGHT, Rgba, text_width};
@@ -34,6 +34,9 @@ pub fn draw(canvas: &mut Canvas, session: &Session, note: &str) {
     let size = session.shot().size.map(|side| side as usize);
     let note = if note.is_empty() { "h  help" } else { note };
     lines(canvas, &[&format!("{}   {note}", session.status())], size[1], dot);
+    if let Some(legend) = session.legend() {
+        canvas.lay([0, 0], legend);
+    }
     if session.shows_help() {
         let above = size[1].saturating_sub(line_height(dot) * 2);
         lines(canvas, &HELP, above, dot);

@@ -2,7 +2,7 @@
 
 use super::session::Shot;
 use brickfield_engine::picture::Rgba;
-use brickfield_engine::render::{RenderOptions, Scene, Style};
+use brickfield_engine::render::{RenderOptions, Scene, Style, Tint};
 use brickfield_engine::{Error, Progress};
 use std::time::{Duration, Instant};
 
@@ -33,7 +33,7 @@ pub struct StopConditions<'a> {
     pub over: &'a dyn Progress,
 }
 
-/// Whose pixels a complete picture has.
+/// Whose pixels a complete picture has. What was found is the processor's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PixelSource {
     /// Those of `render --backend cpu`.
@@ -60,15 +60,17 @@ pub trait Painter {
 }
 
 /// A style and what lies behind.
-#[derive(Clone, Debug)]
-pub struct Appearance {
+#[derive(Clone)]
+pub struct Appearance<'a> {
     pub style: Style,
     pub background: Rgba,
+    /// Colours of what was found; the processor paints these.
+    pub tint: Option<&'a dyn Tint>,
 }
 
 /// The processor, by rays.
 pub struct CpuPainter<'a> {
-    looks: Vec<Appearance>,
+    looks: Vec<Appearance<'a>>,
     /// What the shots have in common.
     options: RenderOptions,
     /// The last one: its index and bricks are at hand for the next.
@@ -79,13 +81,13 @@ pub struct CpuPainter<'a> {
 impl<'a> CpuPainter<'a> {
     /// Paints what `scene` shows in the styles that shots name by their number. Of its `options`, what a shot says does
     /// not matter.
-    pub fn new(scene: Scene<'a>, looks: Vec<Appearance>, options: RenderOptions) -> CpuPainter<'a> {
+    pub fn new(scene: Scene<'a>, looks: Vec<Appearance<'a>>, options: RenderOptions) -> CpuPainter<'a> {
         CpuPainter { looks, options, scene, coarseness: COARSENESS[1] }
     }
 
     /// The options for a picture of a shot.
     pub(super) fn options(&self, shot: &Shot) -> RenderOptions {
-        let Appearance { style, background } = self.looks[shot.style].clone();
+        let Appearance { style, background, .. } = self.looks[shot.style].clone();
         RenderOptions {
             style,
             background,
@@ -97,20 +99,33 @@ impl<'a> CpuPainter<'a> {
         }
     }
 
+    /// The colours of what was found, if the shot shows that.
+    pub(super) fn tint(&self, shot: &Shot) -> Option<&'a dyn Tint> {
+        self.looks[shot.style].tint
+    }
+
     /// The scene of a picture, which takes the place of the last one.
-    pub(super) fn scene_of(&mut self, options: &RenderOptions) -> Result<&Scene<'a>, Error> {
-        self.scene = self.scene.with(options)?;
+    pub(super) fn scene_of(
+        &mut self,
+        options: &RenderOptions,
+        tint: Option<&'a dyn Tint>,
+    ) -> Result<&Scene<'a>, Error> {
+        let scene = self.scene.with(options)?;
+        self.scene = match tint {
+            Some(tint) => scene.tinted(tint),
+            None => scene,
+        };
         Ok(&self.scene)
     }
 
     /// Draws one step of a shot.
     fn step(
         &mut self,
-        options: &RenderOptions,
+        (options, tint): (&RenderOptions, Option<&'a dyn Tint>),
         stop: &dyn Progress,
         show: &mut dyn FnMut(Rows<'_>),
     ) -> Result<(), Error> {
-        for frame in self.scene_of(options)?.frames() {
+        for frame in self.scene_of(options, tint)?.frames() {
             frame.draw(stop, in_rows(options.size, show))?;
         }
         Ok(())
@@ -124,15 +139,15 @@ impl Painter for CpuPainter<'_> {
         until: StopConditions<'_>,
         show: &mut dyn FnMut(Rows<'_>),
     ) -> Result<PixelSource, Error> {
-        let whole = self.options(shot);
+        let (whole, tint) = (self.options(shot), self.tint(shot));
         let started = Instant::now();
         // Another picture does not stop it: who moves all the time would see nothing.
-        self.step(&first(&whole, self.coarseness), until.over, show)?;
+        self.step((&first(&whole, self.coarseness), tint), until.over, show)?;
         self.coarseness = next_coarseness(self.coarseness, COARSENESS, started.elapsed());
         if whole.supersample > 1 {
-            self.step(&RenderOptions { supersample: 1, ..whole.clone() }, until.another, show)?;
+            self.step((&RenderOptions { supersample: 1, ..whole.clone() }, tint), until.another, show)?;
         }
-        self.step(&whole, until.another, show)?;
+        self.step((&whole, tint), until.another, show)?;
         Ok(PixelSource::Processor)
     }
 }

@@ -17,12 +17,21 @@ pub enum ScreenshotMessages {
     Json,
 }
 
+/// What a style makes of screenshots.
+#[derive(Clone, Debug)]
+pub struct ScreenshotLook {
+    /// Whether nothing is seen through its pictures.
+    pub opaque: bool,
+    /// Options of `render` that belong to it, with a space before each.
+    pub options: String,
+}
+
 /// Writes screenshots.
 pub struct Screenshots {
     /// What names of the program's own choice begin with.
     pub stem: String,
-    /// Of each style, whether nothing is seen through its pictures.
-    pub opaque: Vec<bool>,
+    /// By style.
+    pub looks: Vec<ScreenshotLook>,
     /// Options of `render` beside those of the session, with a space before each.
     pub options: String,
     /// Those by which it draws on the device that may paint.
@@ -30,11 +39,16 @@ pub struct Screenshots {
     pub saying: ScreenshotMessages,
 }
 
+/// The name of the program's own choice with a number.
+pub fn screenshot_name(stem: &str, number: u32) -> PathBuf {
+    PathBuf::from(format!("{stem}-{number:04}.png"))
+}
+
 impl Screenshots {
     /// A file's name that is free.
     pub fn name(&self) -> PathBuf {
-        let name = |number: u32| PathBuf::from(format!("{}-{number:04}.png", self.stem));
-        (1..).map(name).find(|path| !path.exists()).unwrap_or_else(|| name(0))
+        let free = (1..).map(|number| screenshot_name(&self.stem, number)).find(|path| !path.exists());
+        free.unwrap_or_else(|| screenshot_name(&self.stem, 0))
     }
 
     /// Writes the complete picture of a shot, and says by which options `render` draws the same.
@@ -48,14 +62,14 @@ impl Screenshots {
         shot: &Shot,
         picture: &Picture,
     ) -> Result<(), Failure> {
-        let (size, opaque) = (picture.size, self.opaque[shot.style]);
+        let (size, look) = (picture.size, &self.looks[shot.style]);
         let mut rows = picture.pixels.chunks_exact(size[0] as usize);
-        write_png(path, size, opaque, |file| rows.try_for_each(|row| file.row(row)))?;
+        write_png(path, size, look.opaque, |file| rows.try_for_each(|row| file.row(row)))?;
         let backend = match picture.by {
             PixelSource::Processor => " --backend cpu",
             PixelSource::Device => &self.device,
         };
-        let options = session.options(shot) + &self.options + backend;
+        let options = session.options(shot) + &look.options + &self.options + backend;
         let name = in_line(path);
         match self.saying {
             ScreenshotMessages::Nothing => Ok(()),

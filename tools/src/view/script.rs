@@ -1,8 +1,9 @@
 //! Scripts for the window: a command a line.
 
 use super::session::{Button, Event, Key, Session, ViewedStore, WindowRequest, letter};
+use crate::finding_args::ShownArg;
 use crate::output::in_line;
-use crate::picture_args::{AxisArg, CutArg, PixelsArg, StyleArg, ViewArg};
+use crate::picture_args::{AxisArg, CutArg, PixelsArg, ViewArg};
 use crate::units::Position;
 use anyhow::{Context, anyhow};
 use brickfield_engine::lattice::Axis;
@@ -173,7 +174,7 @@ impl FromStr for ScriptStep {
                 let expected = "the number of a void, as in void 3";
                 rest.parse().map(ScriptStep::Void).map_err(|_| format!("expected {expected}"))
             }
-            "style" => rest.parse::<StyleArg>().map(|_| ScriptStep::Style(rest.to_owned())),
+            "style" => rest.parse::<ShownArg>().map(|_| ScriptStep::Style(rest.to_owned())),
             "size" => rest.parse().map(|PixelsArg(size)| ScriptStep::Size(size)),
             "key" => key(rest).map(ScriptStep::Key).ok_or_else(|| {
                 "expected a letter or digit, up, down, pageup, pagedown, home, end or escape".to_owned()

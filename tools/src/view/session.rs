@@ -1,7 +1,9 @@
 //! What the user looks at: events in, what is to be drawn out. Knows no window, so that it is tested without one.
 
+use crate::kinds::typed;
 use crate::void_table::VoidPlace;
 use brickfield_engine::lattice::Axis;
+use brickfield_engine::picture::Canvas;
 use brickfield_engine::render::{CutPlane, Focus, View};
 
 /// Degrees that the part turns for each pixel of a drag.
@@ -32,6 +34,8 @@ pub struct ViewedStore {
     pub styles: Vec<String>,
     /// Voids that can be looked at one by one, the largest first.
     pub voids: Vec<VoidPlace>,
+    /// What the colours of a style mean, with its number.
+    pub legend: Option<(usize, Canvas)>,
 }
 
 impl ViewedStore {
@@ -186,6 +190,12 @@ impl Session {
         &self.part
     }
 
+    /// What the colours mean that are seen.
+    pub fn legend(&self) -> Option<&Canvas> {
+        let (style, legend) = self.part.legend.as_ref()?;
+        (*style == self.style).then_some(legend)
+    }
+
     /// Whether the list of keys is seen.
     pub fn shows_help(&self) -> bool {
         self.help
@@ -228,7 +238,7 @@ impl Session {
     pub fn options(&self, shot: &Shot) -> String {
         let View { azimuth, elevation, opening } = shot.view;
         let Focus { centre: [x, y, z], height } = shot.focus;
-        let ([width, height_px], style) = (shot.size, quoted(&self.part.styles[shot.style]));
+        let ([width, height_px], style) = (shot.size, typed(self.part.styles[shot.style].as_ref()));
         let mut text = format!(
             "--view={azimuth},{elevation} --focus={x},{y},{z},{height} --size {width}x{height_px} --style {style}"
         );
@@ -480,12 +490,6 @@ impl Session {
     fn diagonal(&self) -> f64 {
         Axis::ALL.map(|axis| self.part.length(axis).powi(2)).iter().sum::<f64>().sqrt()
     }
-}
-
-/// As a shell takes it.
-pub fn quoted(text: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "._/-".contains(c);
-    if text.chars().all(is_plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 /// An axis by its letter.

@@ -44,7 +44,8 @@ impl<'a> VulkanPainter<'a> {
     ) -> Result<bool, Error> {
         let whole = self.here.options(shot);
         if self.caster.has_failed()
-            || !self.here.scene_of(&whole)?.frames().all(|frame| Caster::resolves(&frame))
+            || self.here.tint(shot).is_some()
+            || !self.here.scene_of(&whole, None)?.frames().all(|frame| Caster::resolves(&frame))
         {
             return Ok(false);
         }
@@ -86,7 +87,7 @@ impl<'a> VulkanPainter<'a> {
         show: &mut dyn FnMut(Rows<'_>),
     ) -> Result<bool, Error> {
         let mut is_complete = true;
-        for frame in self.here.scene_of(options)?.frames() {
+        for frame in self.here.scene_of(options, None)?.frames() {
             let row = in_rows(options.size, show);
             match deadline {
                 Some(deadline) => is_complete &= self.caster.sketch(&frame, deadline, stop, row)?,
@@ -119,7 +120,8 @@ impl Painter for VulkanPainter<'_> {
             return Ok(PixelSource::Device);
         }
         let by = self.here.paint(shot, until, show)?;
-        // What is too close is the processor's in `render --backend vulkan`, too.
-        Ok(if self.caster.has_failed() { by } else { PixelSource::Device })
+        // What is too close is the processor's in `render --backend vulkan`, too; what was found has no such option.
+        let is_ours = self.caster.has_failed() || self.here.tint(shot).is_some();
+        Ok(if is_ours { by } else { PixelSource::Device })
     }
 }

@@ -101,6 +101,13 @@ impl Length {
     }
 }
 
+impl fmt::Display for Length {
+    /// As it may be typed.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", self.value, self.unit.map_or("", Unit::symbol))
+    }
+}
+
 /// A length that may be 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance(Length);

@@ -47,6 +47,15 @@ impl Canvas {
         }
     }
 
+    /// Lays another canvas over it, with its upper left pixel `at`; what lies outside is left out.
+    pub fn lay(&mut self, at: [usize; 2], other: &Canvas) {
+        let width = other.width.min(self.width.saturating_sub(at[0]));
+        let rows = self.pixels.chunks_exact_mut(self.width).skip(at[1]);
+        for (row, pixels) in rows.zip(other.rows()).filter(|_| width > 0) {
+            row[at[0]..at[0] + width].copy_from_slice(&pixels[..width]);
+        }
+    }
+
     /// Writes text with the upper left pixel `at`, each dot of a letter `dot` pixels wide.
     pub fn text(&mut self, at: [usize; 2], text: &str, dot: usize, colour: Rgba) {
         for (number, letter) in text.chars().enumerate() {
@@ -87,6 +96,12 @@ mod tests {
         ];
         assert_eq!(drawn, expected);
         canvas.text([10, 5], "888", 3, BLACK);
+        let dots = Canvas::new(3, 2, [7, 7, 7, 255]);
+        for (at, count) in [([0, 0], 6), ([12, 8], 2), ([14, 0], 0), ([0, 9], 0)] {
+            let mut under = Canvas::new(14, 9, WHITE);
+            under.lay(at, &dots);
+            assert_eq!(under.rows().flatten().filter(|pixel| **pixel != WHITE).count(), count, "{at:?}");
+        }
         assert_eq!(text_width("888", 3), 51);
     }
 }

@@ -6,7 +6,8 @@ const SIZE: [u32; 2] = [800, 600];
 fn session() -> Session {
     let bounds = [[0.0, -10.0, 2.0], [40.0, 10.0, 12.1]];
     let styles = ["solid", "boundary"].map(str::to_owned).into();
-    let part = ViewedStore { bounds, unit: "mm".to_owned(), pitch: 0.5, styles, voids: voids() };
+    let part =
+        ViewedStore { bounds, unit: "mm".to_owned(), pitch: 0.5, styles, voids: voids(), legend: None };
     Session::new(part, View::named("front").unwrap(), 0, SIZE)
 }
 
@@ -159,12 +160,6 @@ fn the_whole_part_stays_whole_until_the_user_looks_closer() {
     assert_eq!(session.shot().focus, close);
     keys(&mut session, "f");
     assert_ne!(session.shot().focus, close);
-}
-
-#[test]
-fn names_are_quoted_for_a_shell() {
-    assert_eq!(quoted("a/b-1.toml"), "a/b-1.toml");
-    assert_eq!(quoted("my style's.toml"), "'my style'\\''s.toml'");
 }
 
 /// The plane may rest at the lower end where what is above stays; taken up again, it takes away what is above.
