@@ -81,7 +81,7 @@ pub fn run(args: &MachineArgs) -> Result<(), Failure> {
     })?;
     let options = options(args, &store, unit)?;
     let program = read(&args.program, &options)?;
-    let cut = Cut::new(&program, store.root(), unit);
+    let cut = Cut::new(&program, store.root(), unit, args.keeping.memory.0 / 4 * 3)?;
     let job = Job { args, store, program, cut, unit, arc_tolerance: options.arc_tolerance, bars };
     let file = match (&args.voids, kind) {
         (Some(path), Some(kind)) => Some((PartFile::create(path)?, kind)),
@@ -90,7 +90,8 @@ pub fn run(args: &MachineArgs) -> Result<(), Failure> {
     let found = job.work()?;
     job.bars.clear();
     job.warn(&found);
-    let document = job.document(&found, begun.elapsed().as_secs_f64());
+    let tells_moves = args.json || kind == Some(TableKind::Json);
+    let document = job.document(&found, begun.elapsed().as_secs_f64(), tells_moves);
     if let (Some((mut file, kind)), Some(voids)) = (file, &found.voids) {
         job.table(voids).append_to(&mut file, kind, &document)?;
         file.finish()?;
@@ -130,7 +131,14 @@ fn options(args: &MachineArgs, store: &Store, unit: f64) -> Result<ProgramOption
         .iter()
         .map(|NumberedRadius(number, of)| (*number, of.in_unit(crate::units::Unit::Mm)))
         .collect();
-    Ok(ProgramOptions { tools, tool, radii, arc_tolerance: tolerance, turn: TURN })
+    Ok(ProgramOptions {
+        tools,
+        tool,
+        radii,
+        arc_tolerance: tolerance,
+        turn: TURN,
+        memory: args.keeping.memory.0 / 2,
+    })
 }
 
 /// Tools from a table.
@@ -164,8 +172,7 @@ impl Job<'_> {
             ("tools".to_owned(), format!("{:?}", self.program.tools)),
         ];
         let pace = pace(args.keeping.commit_every)?;
-        let writing =
-            Writing { memory: args.keeping.memory.0, pace, restart: args.keeping.restart, settings };
+        let writing = Writing { memory: self.memory(), pace, restart: args.keeping.restart, settings };
         let chain = self.chain(Operation::Minus, &cut.solids);
         let meta = self.meta()?;
         let mut clock = Instant::now();
@@ -185,13 +192,18 @@ impl Job<'_> {
         lap("tools");
         let voids = match &args.voids {
             Some(_) => {
-                let options = VoidOptions { memory: args.keeping.memory.0, ..VoidOptions::default() };
+                let options = VoidOptions { memory: self.memory(), ..VoidOptions::default() };
                 Some(opened(store, cut, &options, bars)?)
             }
             None => None,
         };
         lap("voids");
         Ok(MachineFindings { summary, total, by_tool, removed, voids, phases })
+    }
+
+    /// Bytes beside those of the moves and of what they sweep.
+    fn memory(&self) -> u64 {
+        self.args.keeping.memory.0.saturating_sub(self.cut.bytes(&self.program))
     }
 
     /// What the result says of where it comes from.
@@ -221,7 +233,7 @@ impl Job<'_> {
     fn taken(&self, solids: &[SweptSolid], meta: &Meta) -> Result<BoundedVolume, Failure> {
         let chain = self.chain(Operation::And, solids);
         let Job { args, bars, .. } = self;
-        Ok(measured_volume(&chain, meta.clone(), &args.output, args.keeping.memory.0, bars)?)
+        Ok(measured_volume(&chain, meta.clone(), &args.output, self.memory(), bars)?)
     }
 
     /// What each tool takes off: measured from change to change of the tool.
@@ -302,14 +314,16 @@ impl Job<'_> {
         Table::of_rows(&COLUMNS, voids.iter().map(row).collect())
     }
 
-    fn document(&self, found: &MachineFindings, seconds: f64) -> Value {
+    fn document(&self, found: &MachineFindings, seconds: f64, tells_moves: bool) -> Value {
         let MachineFindings { summary, total, by_tool, removed, voids, phases } = found;
         let tools: Vec<Value> = self.program.tools.iter().zip(by_tool).map(|((number, tool), of)| {
             json!({ "number": number, "tool": tool.to_string(), "volume": of.value, "volume_error": of.error })
         }).collect();
+        // Of a million moves that takes more memory than all else.
         let moves: Vec<Value> = removed
             .by_move
             .iter()
+            .filter(|_| tells_moves)
             .map(|(number, share)| {
                 let of = &self.program.moves[*number as usize];
                 json!({

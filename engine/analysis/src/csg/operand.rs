@@ -5,7 +5,7 @@ use crate::brick::Brick;
 use crate::error::{Error, Result};
 use crate::lattice::NodeKey;
 use crate::store::{BrickTree, Refine, Store};
-use crate::swept::{SweptEvaluator, SweptSolid};
+use crate::swept::{SweptEvaluator, SweptSolid, WantedSamples};
 use std::sync::Arc;
 
 /// An operand of a chain.
@@ -87,12 +87,12 @@ impl<'a> Operand<'a> {
         }
     }
 
-    /// The brick of a leaf, or of solids within any node.
+    /// The brick of a leaf, or of solids within any node; of these the wanted samples.
     pub(super) fn brick(
         &self,
         key: NodeKey,
         within: &OperandInNode,
-        evaluator: &mut SweptEvaluator,
+        (evaluator, wanted): (&mut SweptEvaluator, &WantedSamples),
     ) -> Result<Brick> {
         Ok(match (self, within) {
             (_, OperandInNode::All { w, .. }) => Brick::Uniform(*w),
@@ -100,7 +100,9 @@ impl<'a> Operand<'a> {
                 let brick = store.brick_once(key)?;
                 Arc::try_unwrap(brick).unwrap_or_else(|shared| Brick::clone(&shared))
             }
-            (Operand::Solids(solids), OperandInNode::Solids(list)) => evaluator.brick(key, solids, list),
+            (Operand::Solids(solids), OperandInNode::Solids(list)) => {
+                evaluator.brick(key, solids, list, wanted)
+            }
             _ => Brick::Uniform(0),
         })
     }

@@ -3,11 +3,11 @@
 use super::chain::{OperandState, Operation, decide};
 use super::combine::{BrickOperand, Content, HiddenCrossings, combine};
 use super::operand::{Operand, OperandInNode};
-use crate::brick::Brick;
+use crate::brick::{Brick, SignChanges};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, Octant};
 use crate::store::{CoarseSamples, IndexEntry, JoinedNode, Records, Scratch, Store, join};
-use crate::swept::SweptEvaluator;
+use crate::swept::{SweptEvaluator, WantedSamples};
 
 /// A chain of operands on one lattice.
 pub struct Chain<'a> {
@@ -156,17 +156,27 @@ impl Chain<'_> {
 
     /// The brick of a leaf.
     fn leaf(&self, key: NodeKey, within: &[OperandInNode], desk: &mut WalkScratch) -> Result<Brick> {
-        let bricks: Vec<Brick> = self
-            .operands
-            .iter()
-            .zip(within)
-            .map(|((_, operand), within)| operand.brick(key, within, &mut desk.evaluator))
-            .collect::<Result<_>>()?;
+        let mut wanted = WantedSamples::all();
+        let mut bricks: Vec<Brick> = Vec::with_capacity(self.operands.len());
+        for ((_, operand), within) in self.operands.iter().zip(within) {
+            let brick = operand.brick(key, within, (&mut desk.evaluator, &wanted))?;
+            if let (true, Brick::Counts { samples, .. }) =
+                (bricks.is_empty() && self.only_takes_off(), &brick)
+            {
+                wanted = WantedSamples::around(&SignChanges::of(samples));
+            }
+            bricks.push(brick);
+        }
         let mut terms = Vec::with_capacity(bricks.len());
         for ((operation, _), brick) in self.operands.iter().zip(&bricks) {
             terms.push(BrickOperand { operation: *operation, content: Content::of(brick) });
         }
         Ok(combine(&terms, self.keep_counts.then_some(&bricks[0]), &mut desk.hidden))
+    }
+
+    /// Whether nothing of the result lies outside of the first operand.
+    fn only_takes_off(&self) -> bool {
+        self.operands.iter().skip(1).all(|(operation, _)| *operation != Operation::Plus)
     }
 
     /// The store whose nodes are the result's here, but for clamping.

@@ -3,6 +3,7 @@
 //! A tool is a stack of balls and frustums about its axis. Each sweeps a convex solid on a straight move; the tool sweeps
 //! their union.
 
+use crate::error::{Error, Result};
 use crate::lattice::{RootCube, cross, dot};
 use crate::milling::{Move, Program, Tool, ToolKind};
 use crate::swept::{ConvexSolid, SweptSolid};
@@ -32,7 +33,10 @@ pub struct Cut {
 
 impl Cut {
     /// The solids of a program on the lattice of a root cube whose unit is `unit` mm.
-    pub fn new(program: &Program, root: RootCube, unit: f64) -> Cut {
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if they and the moves take more than `memory` bytes.
+    pub fn new(program: &Program, root: RootCube, unit: f64, memory: u64) -> Result<Cut> {
         let ball = (root.origin.map(|c| (c + 0.5 * root.edge) * unit), 0.5 * root.edge * unit * 3f64.sqrt());
         let scale = 1.0 / (root.unit() * unit);
         let origin = root.origin.map(|c| c * unit);
@@ -40,13 +44,26 @@ impl Cut {
         let reach = root.edge * unit * 4.0;
         let mut cut = Cut::default();
         let stacks: Vec<Vec<Part>> = program.tools.iter().map(|(_, tool)| stack(tool, reach)).collect();
+        let count = program.moves.iter().map(|of| stacks[of.tool as usize].len()).sum();
+        let bytes = bytes_of(program.moves.len(), count);
+        if bytes > memory {
+            let [bytes, memory] = [bytes, memory].map(|bytes| bytes.div_ceil(1 << 20));
+            let moves = program.moves.len();
+            return Err(Error::setting(
+                format!(
+                    "what {moves} moves sweep needs {bytes} MiB, of the {memory} MiB that there are for it"
+                ),
+                "allow more with `memory`, or give the program in parts, each for the store that the one before made",
+            ));
+        }
+        cut.solids.reserve_exact(count);
+        cut.moves.reserve_exact(count);
         for (number, of) in program.moves.iter().enumerate() {
             let stack = &stacks[of.tool as usize];
             cut.turn_error =
                 cut.turn_error.max(turn_error(of, &program.tools[of.tool as usize].1, ball) / unit);
             for part in stack {
-                let solid = solid(of, *part, origin, scale);
-                cut.solids.push(if stack.len() > 1 { solid.as_part(of.axis) } else { solid });
+                cut.solids.push(solid(of, *part, origin, scale));
                 cut.moves.push(number as u32);
             }
         }
@@ -55,8 +72,20 @@ impl Cut {
             _ => 0.0,
         };
         cut.corner_error = program.tools.iter().map(corner).fold(0.0, f64::max);
-        cut
+        Ok(cut)
     }
+
+    /// Bytes that it takes with the moves of its program.
+    pub fn bytes(&self, program: &Program) -> u64 {
+        bytes_of(program.moves.len(), self.solids.len())
+    }
+}
+
+/// Bytes of moves and of what they sweep, with the lists that name the solids of a node and of those around it.
+fn bytes_of(moves: usize, solids: usize) -> u64 {
+    const NUMBERS: usize = 8;
+    let solid = size_of::<SweptSolid>() + (1 + NUMBERS) * size_of::<u32>();
+    (moves * size_of::<Move>() + solids * solid) as u64
 }
 
 /// How far a tool that turns about its tip is from one that keeps its middle direction: each half of the step turns it by half

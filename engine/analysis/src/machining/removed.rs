@@ -179,17 +179,24 @@ impl Search<'_> {
         let origin = key.base().map(|base| f64::from(base + 1));
         let unit = self.root.unit();
         let area = (step * unit) * (step * unit);
-        let solid_rows = rows_of(brick, origin[0], step);
-        for (row, inside) in solid_rows.iter().enumerate() {
-            let (j, k) = (row % BRICK_CELLS, row / BRICK_CELLS);
-            let at = [0.0, origin[1] + j as f64 * step, origin[2] + k as f64 * step];
-            let mut left = inside.clone();
-            for &number in list {
+        let mut left = rows_of(brick, origin[0], step);
+        let rows = |axis: usize, [low, high]: [[f64; 3]; 2]| {
+            // One more on either side than the box reaches: lines outside of it are told by themselves.
+            let row = |c: f64| ((c - origin[axis]) / step).clamp(-1.0, BRICK_CELLS as f64);
+            row(low[axis]).floor().max(0.0) as usize..(row(high[axis]).ceil() as usize + 1).min(BRICK_CELLS)
+        };
+        for &number in list {
+            let solid = &self.cut.solids[number as usize];
+            let bounds = solid.bounds();
+            let js = rows(1, bounds);
+            for (k, j) in rows(2, bounds).flat_map(|k| js.clone().map(move |j| (k, j))) {
+                let left = &mut left[k * BRICK_CELLS + j];
                 if left.is_empty() {
-                    break;
+                    continue;
                 }
-                let Some(interval) = self.cut.solids[number as usize].line(0, at) else { continue };
-                let taken = take(&mut left, (interval.low.at, interval.high.at));
+                let at = [0.0, origin[1] + j as f64 * step, origin[2] + k as f64 * step];
+                let Some(interval) = solid.line(0, at) else { continue };
+                let taken = take(left, (interval.low.at, interval.high.at));
                 if taken > 0.0 {
                     let height = self.root.origin[2] + at[2] * unit;
                     removed.add(self.cut.moves[number as usize], taken * unit * area, [height; 2]);

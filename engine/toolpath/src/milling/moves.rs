@@ -8,8 +8,10 @@ use std::path::Path;
 
 /// Largest coordinate, in mm.
 pub(super) const POSITION_MAX: f64 = 1e6;
-/// Most moves of a program.
-const MOVES_MAX: usize = 1 << 27;
+/// Most moves of a program, whatever the memory: their numbers have 32 bits.
+const MOVES_MAX: u64 = 1 << 31;
+/// Bytes for a move while there come more: lists of them double.
+const BYTES_A_MOVE: u64 = 2 * size_of::<Move>() as u64;
 
 /// What the caller knows of a program.
 #[derive(Clone, Debug)]
@@ -24,6 +26,8 @@ pub struct ProgramOptions {
     pub arc_tolerance: f64,
     /// Largest turn of the tool's axis in one step, as the sine of the angle.
     pub turn: f64,
+    /// Bytes that moves may take while they are read.
+    pub memory: u64,
 }
 
 /// A straight move of a tool that keeps its direction.
@@ -119,8 +123,8 @@ impl<'a> Moves<'a> {
             let between = |n: u32| [0, 1, 2].map(|a| from[a] + (to[a] - from[a]) * part(n));
             let middle = (part(step) + part(step + 1)) * 0.5;
             let end = if step + 1 == steps { to } else { between(step + 1) };
-            if self.program.moves.len() == MOVES_MAX {
-                return Err(self.fault(b"G", "makes more moves than can be followed"));
+            if self.program.moves.len() as u64 >= MOVES_MAX.min(self.options.memory / BYTES_A_MOVE) {
+                return Err(self.too_many());
             }
             let begin = if step == 0 { from } else { between(step) };
             self.program.moves.push(Move {
@@ -137,6 +141,13 @@ impl<'a> Moves<'a> {
             self.program.turning_steps += u64::from(steps);
         }
         Ok(())
+    }
+
+    fn too_many(&self) -> Error {
+        let count = self.program.moves.len();
+        let what = format!("more than {count} moves do not fit into memory");
+        let remedy = "allow more with `memory`, or give the program in parts, each for the store that the one before made";
+        Error::input(self.path, format!("line {}", self.line), what, remedy)
     }
 
     /// The chords of an arc, which the program then has deviate so far; `word` is what asks for it.

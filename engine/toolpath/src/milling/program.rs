@@ -13,6 +13,7 @@ use super::variables::{LocalVariables, MacroVariables};
 use crate::error::{Error, Result};
 use crate::toolpath::gcode::words::Words;
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Read;
 use std::path::Path;
 
 /// Subprograms within each other.
@@ -27,7 +28,7 @@ const REPEATED_MOVES_MAX: usize = 1 << 24;
 /// # Errors
 /// [`Error::Io`] if it cannot be read; [`Error::Input`] with the line and the word that cannot be followed.
 pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
-    let bytes = std::fs::read(path).map_err(Error::io(path, "read"))?;
+    let bytes = bytes_of(path, options.memory)?;
     let lines = lines_of(&bytes);
     let out = Moves::new(path, options);
     if apt::is_apt(path, &lines) {
@@ -46,6 +47,21 @@ pub fn read(path: &Path, options: &ProgramOptions) -> Result<Program> {
     };
     flow.run()?;
     flow.reader.finished()
+}
+
+/// The bytes of a file, which are in memory with the list of their lines.
+fn bytes_of(path: &Path, memory: u64) -> Result<Vec<u8>> {
+    let failed = |error| Error::io(path, "read")(error);
+    let file = std::fs::File::open(path).map_err(failed)?;
+    let mut bytes = Vec::new();
+    file.take(memory.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > memory {
+        let what = format!("is larger than {} MiB", memory >> 20);
+        let remedy =
+            "allow more `memory`, or give the program in parts, each for the store that the one before made";
+        return Err(Error::input(path, "end", what, remedy));
+    }
+    Ok(bytes)
 }
 
 /// The lines of a file, without the mark of Unicode in front and spaces around each. Where none ends by a line feed, carriage

@@ -129,3 +129,10 @@ fn damaged_programs_are_read_or_told_in_one_line() {
     }
     assert!(read > 100 && refused > 100, "{read} {refused}");
 }
+
+#[test]
+fn more_moves_than_fit_into_memory_are_refused_with_their_line() {
+    let text = format!("G0 X0 Y0 Z0\nG1 F100\n{}", "X1\nX0\n".repeat(5000));
+    is_refused("p.nc", &text, &["p.nc: line 5464", "moves do not fit into memory", "`memory`"]);
+    is_refused("p.nc", &"(a remark)\n".repeat(100_000), &["p.nc: end", "is larger than 1 MiB"]);
+}

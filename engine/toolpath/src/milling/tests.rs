@@ -21,6 +21,7 @@ pub(super) fn read_named(name: &str, bytes: &[u8]) -> Result<Program> {
             radii: BTreeMap::from([(7, 2.0)]),
             arc_tolerance: 0.01,
             turn: 0.02,
+            memory: 1 << 20,
         },
     )
 }

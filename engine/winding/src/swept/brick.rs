@@ -1,9 +1,10 @@
 //! Samples and crossings of a brick of a union of solids.
 //!
-//! Every sign-changing edge has one end inside. From there the intervals of the solids on the edge's line are followed, each
-//! to the end of what holds the end before: parts of a tool only touch. The last one bounds the union; of several, the first.
+//! Of each lattice line the stretches are kept that lie in the union, with the solid and the surface that end them. Parts of a
+//! tool only touch, so what is a rounding apart hangs together. Samples are those of the rows along x. A sign-changing edge
+//! has one end inside; the stretch that holds it ends at the crossing. So memory is that of the union, not of the solids.
 
-use super::line::IntervalEnd;
+use super::line::{Interval, IntervalEnd};
 use super::solid::SweptSolid;
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, inside_from};
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
@@ -11,9 +12,6 @@ use crate::solid::normal_code;
 
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
-/// Lines of a block along each axis, and blocks of a brick.
-const BLOCK: usize = 8;
-const BLOCKS: usize = P.div_ceil(BLOCK);
 /// Bits of a whole row.
 const ALL: u64 = (1 << P) - 1;
 
@@ -58,35 +56,140 @@ impl Lattice {
     }
 }
 
-/// The end of a solid on an edge that reaches farthest.
+/// The samples of a brick that decide something, and those beside them; what others are does not matter.
+pub struct WantedSamples {
+    /// By row, z before y: a bit a sample.
+    rows: Box<[u64; P * P]>,
+}
+
+impl WantedSamples {
+    /// All of them.
+    pub fn all() -> WantedSamples {
+        WantedSamples { rows: Box::new([ALL; P * P]) }
+    }
+
+    /// Those of which some are inside, with their six neighbours: what is next to them places crossings.
+    pub fn around(inside: &SignChanges) -> WantedSamples {
+        let row = |j: usize, k: usize| inside.row(j, k) & ALL;
+        let mut rows = Box::new([0; P * P]);
+        for (n, wanted) in rows.iter_mut().enumerate() {
+            let (j, k) = (n % P, n / P);
+            let own = row(j, k);
+            *wanted = (own | own << 1 | own >> 1) & ALL;
+            let beside = [(j.wrapping_sub(1), k), (j + 1, k), (j, k.wrapping_sub(1)), (j, k + 1)];
+            for (j, k) in beside.into_iter().filter(|(j, k)| *j < P && *k < P) {
+                *wanted |= row(j, k);
+            }
+        }
+        WantedSamples { rows }
+    }
+
+    fn row(&self, j: usize, k: usize) -> u64 {
+        self.rows[k * P + j]
+    }
+
+    /// Whether both ends of an edge are among them.
+    fn has_edge(&self, axis: Axis, lower: [usize; 3]) -> bool {
+        let mut upper = lower;
+        upper[axis.index()] += 1;
+        [lower, upper].into_iter().all(|[i, j, k]| self.row(j, k) >> i & 1 == 1)
+    }
+}
+
+/// An end of a stretch, and the solid that has it.
 #[derive(Clone, Copy)]
-struct Best {
-    depth: f64,
+struct StretchEnd {
     solid: u32,
     end: IntervalEnd,
+}
+
+/// A part of a line that lies in the union, with nothing of it beside.
+#[derive(Clone, Copy)]
+struct Stretch {
+    low: StretchEnd,
+    high: StretchEnd,
+    /// Whether no gap, not even one of rounding, is known in it: a sample may stand there.
+    whole: bool,
+}
+
+/// The stretches of one line, in order.
+#[derive(Clone, Default)]
+struct UnionLine(Vec<Stretch>);
+
+impl UnionLine {
+    /// Whether one of them holds all between two coordinates, so that no interval there changes anything.
+    fn holds(&self, low: f64, high: f64) -> bool {
+        let holds =
+            |stretch: &Stretch| stretch.low.end.at <= low && high <= stretch.high.end.at && stretch.whole;
+        self.0.iter().any(holds)
+    }
+
+    /// Joins an interval of a solid. Of equal ends the first that came stays.
+    fn join(&mut self, solid: u32, interval: Interval) {
+        let [low, high] = [interval.low, interval.high].map(|end| StretchEnd { solid, end });
+        let (from, to) = (interval.low.at - TOUCH, interval.high.at + TOUCH);
+        let first = self.0.partition_point(|stretch| stretch.high.end.at < from);
+        let met = self.0[first..].iter().take_while(|stretch| stretch.low.end.at <= to).count();
+        let mut joined = Stretch { low, high, whole: true };
+        for stretch in &self.0[first..first + met] {
+            let (low, high) = (stretch.low.end.at, stretch.high.end.at);
+            let is_within = interval.low.at <= low && high <= interval.high.at;
+            let overlaps = low <= interval.high.at && interval.low.at <= high;
+            joined.whole &= is_within || stretch.whole && overlaps;
+            if stretch.low.end.at <= joined.low.end.at {
+                joined.low = stretch.low;
+            }
+            if stretch.high.end.at >= joined.high.end.at {
+                joined.high = stretch.high;
+            }
+        }
+        match met {
+            0 => self.0.insert(first, joined),
+            _ => {
+                self.0[first] = joined;
+                self.0.drain(first + 1..first + met);
+            }
+        }
+    }
+
+    /// The end of the stretch at a coordinate, the lower or the upper one; of several that touch there the farthest.
+    fn end_from(&self, at: f64, lower: bool) -> Option<StretchEnd> {
+        let holds =
+            |stretch: &&Stretch| stretch.low.end.at <= at + TOUCH && at <= stretch.high.end.at + TOUCH;
+        let mut held = self.0.iter().filter(holds);
+        // In order, so the first has the lowest end and the last the highest.
+        if lower {
+            held.next().map(|stretch| stretch.low)
+        } else {
+            held.next_back().map(|stretch| stretch.high)
+        }
+    }
 }
 
 /// Working memory for evaluating bricks one after the other; one per thread.
 #[derive(Default)]
 pub struct SweptEvaluator {
-    /// By row, the intervals of solids that have added samples or may bound edges.
-    spans: Vec<Vec<(u32, IntervalEnd, IntervalEnd)>>,
-    /// Of the axis at hand, by blocks of lines along it: the solids that may meet these, and those of them that are parts of
-    /// tools.
-    near: Vec<(Vec<u32>, Vec<u32>)>,
+    /// The lines along one axis.
+    lines: Vec<UnionLine>,
 }
 
 impl SweptEvaluator {
     /// The brick of the union of the solids with these numbers: samples are 1 inside and 0 outside. Others than those that
-    /// touch the brick are ignored.
-    pub fn brick(&mut self, key: NodeKey, solids: &[SweptSolid], list: &[u32]) -> Brick {
+    /// touch the brick are ignored. Samples that are not wanted are either, and crossings beside them anywhere.
+    pub fn brick(
+        &mut self,
+        key: NodeKey,
+        solids: &[SweptSolid],
+        list: &[u32],
+        wanted: &WantedSamples,
+    ) -> Brick {
         let lattice = Lattice::of(key);
-        let signs = self.signs(lattice, solids, list);
+        let signs = self.signs(lattice, solids, list, wanted);
         let rows = |row: usize| signs.row(row % P, row / P);
-        if (0..P * P).all(|row| rows(row) == 0) {
+        if (0..P * P).all(|row| rows(row) & wanted.rows[row] == 0) {
             return Brick::Uniform(0);
         }
-        if (0..P * P).all(|row| rows(row) == ALL) {
+        if (0..P * P).all(|row| !rows(row) & wanted.rows[row] == 0) {
             return Brick::Uniform(1);
         }
         let mut samples = Samples::filled(0);
@@ -94,33 +197,38 @@ impl SweptEvaluator {
             let bits = rows(row);
             ws.iter_mut().enumerate().for_each(|(i, w)| *w = i16::from(bits >> i & 1 == 1));
         }
-        let edges = [self.edges_along_rows(lattice, solids, &signs), Vec::new(), Vec::new()];
-        let mut hermite = Hermite { edges };
+        let mut hermite =
+            Hermite { edges: [self.edges(lattice, solids, &signs, Axis::X), Vec::new(), Vec::new()] };
         for axis in [Axis::Y, Axis::Z] {
-            self.sort(lattice, solids, list, axis);
-            hermite.edges[axis.index()] = self.edges_across(lattice, solids, &signs, axis);
+            self.follow_lines(lattice, solids, list, (&signs, wanted, axis));
+            hermite.edges[axis.index()] = self.edges(lattice, solids, &signs, axis);
         }
         Brick::Counts { samples, hermite }
     }
 
-    /// Which samples lie inside.
-    fn signs(&mut self, lattice: Lattice, solids: &[SweptSolid], list: &[u32]) -> SignChanges {
+    /// Which samples lie inside, with the lines along x; those of rows that are inside all along are not complete.
+    fn signs(
+        &mut self,
+        lattice: Lattice,
+        solids: &[SweptSolid],
+        list: &[u32],
+        wanted: &WantedSamples,
+    ) -> SignChanges {
         let mut signs = SignChanges::outside();
-        self.spans.resize(P * P, Vec::new());
-        self.spans.iter_mut().for_each(Vec::clear);
+        self.clear();
         for &number in list {
             let solid = &solids[number as usize];
             let bounds = solid.bounds();
-            let js = lattice.within(1, bounds);
-            for k in lattice.within(2, bounds) {
+            let [js, ks] = [1, 2].map(|axis| lattice.within(axis, bounds));
+            for k in ks {
                 for j in js.clone() {
-                    let bits = signs.row(j, k);
-                    if bits == ALL {
+                    let (bits, line) = (signs.row(j, k), &mut self.lines[k * P + j]);
+                    if wanted.row(j, k) & !bits == 0 || line.holds(bounds[0][0], bounds[1][0]) {
                         continue;
                     }
                     let at = [0.0, lattice.at(1, j), lattice.at(2, k)];
                     let Some(interval) = solid.line(0, at) else { continue };
-                    self.spans[k * P + j].push((number, interval.low, interval.high));
+                    line.join(number, interval);
                     let first = lattice.first_from(0, interval.low.at);
                     let end = lattice.first_from(0, interval.high.at);
                     if first < end {
@@ -133,83 +241,66 @@ impl SweptEvaluator {
         signs
     }
 
-    /// Sorts solids by the blocks of lines along an axis that they may meet.
-    fn sort(&mut self, lattice: Lattice, solids: &[SweptSolid], list: &[u32], axis: Axis) {
-        self.near.resize(BLOCKS * BLOCKS, (Vec::new(), Vec::new()));
-        for (all, parts) in &mut self.near {
-            all.clear();
-            parts.clear();
-        }
-        let blocks = |range: std::ops::Range<usize>| range.start / BLOCK..range.end.div_ceil(BLOCK);
+    fn clear(&mut self) {
+        self.lines.resize(P * P, UnionLine::default());
+        self.lines.iter_mut().for_each(|line| line.0.clear());
+    }
+
+    /// The lines along an axis that have sign-changing edges.
+    fn follow_lines(
+        &mut self,
+        lattice: Lattice,
+        solids: &[SweptSolid],
+        list: &[u32],
+        (signs, wanted, axis): (&SignChanges, &WantedSamples, Axis),
+    ) {
+        self.clear();
         let [u, v] = axis.others_in_order().map(Axis::index);
+        // By v, the bits of u.
+        let mut crossed = [0u64; P];
+        signs.for_edges(axis, |ijk| crossed[ijk[v]] |= u64::from(wanted.has_edge(axis, ijk)) << ijk[u]);
         for &number in list {
             let solid = &solids[number as usize];
-            let [us, vs] = [u, v].map(|axis| blocks(lattice.within(axis, solid.bounds())));
-            for block in vs.flat_map(|v| us.clone().map(move |u| v * BLOCKS + u)) {
-                let (all, parts) = &mut self.near[block];
-                all.push(number);
-                if solid.is_touched(axis.index()) {
-                    parts.push(number);
+            let bounds = solid.bounds();
+            let [low, high] = bounds.map(|corner| corner[axis.index()]);
+            let us = lattice.within(u, bounds);
+            for b in lattice.within(v, bounds) {
+                for a in us.clone().filter(|a| crossed[b] >> a & 1 == 1) {
+                    let line = &mut self.lines[b * P + a];
+                    if line.holds(low, high) {
+                        continue;
+                    }
+                    let mut at = [0.0; 3];
+                    (at[u], at[v]) = (lattice.at(u, a), lattice.at(v, b));
+                    if let Some(interval) = solid.line(axis.index(), at) {
+                        line.join(number, interval);
+                    }
                 }
             }
         }
     }
 
-    /// The crossings of edges along x, from the rows' own intervals.
-    fn edges_along_rows(
-        &self,
-        lattice: Lattice,
-        solids: &[SweptSolid],
-        signs: &SignChanges,
-    ) -> Vec<HermiteEdge> {
-        let mut edges = Vec::new();
-        signs.for_edges(Axis::X, |ijk| {
-            let search = Search::new(lattice, signs, Axis::X, ijk);
-            let best = search.follow(&self.spans[ijk[2] * P + ijk[1]]);
-            edges.push(search.finish(best, solids));
-        });
-        edges
-    }
-
-    /// Those of edges across the rows, from the intervals of their own lines.
-    fn edges_across(
+    /// The crossings of the sign-changing edges along an axis, from the lines along it.
+    fn edges(
         &self,
         lattice: Lattice,
         solids: &[SweptSolid],
         signs: &SignChanges,
         axis: Axis,
     ) -> Vec<HermiteEdge> {
-        let (mut edges, mut spans, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
+        let [u, v] = axis.others_in_order().map(Axis::index);
+        let mut edges = Vec::new();
         signs.for_edges(axis, |ijk| {
-            let search = Search::new(lattice, signs, axis, ijk);
-            spans.clear();
-            let mut inside = ijk;
-            inside[axis.index()] += usize::from(search.upper);
-            let [u, v] = axis.others_in_order().map(|axis| ijk[axis.index()] / BLOCK);
-            let (all, parts) = &self.near[v * BLOCKS + u];
-            let row = &self.spans[inside[2] * P + inside[1]];
-            if signs.row(inside[1], inside[2]) == ALL {
-                // Solids that added nothing to the row are not kept there.
-                search.gather(solids, all, &mut spans);
-            } else {
-                let x = search.at_inside()[0];
-                let holds = |(_, low, high): &&(u32, IntervalEnd, IntervalEnd)| {
-                    low.at <= x + TOUCH && x <= high.at + TOUCH
-                };
-                numbers.clear();
-                numbers.extend(row.iter().filter(holds).map(|(number, ..)| *number));
-                search.gather(solids, &numbers, &mut spans);
-                search.gather(solids, parts, &mut spans);
-            }
-            let best = search.follow(&spans);
-            edges.push(search.finish(best, solids));
+            let edge = CrossedEdge::new(lattice, signs, axis, ijk);
+            let end = self.lines[ijk[v] * P + ijk[u]].end_from(edge.inside, edge.upper);
+            edges.push(edge.crossing(end, solids));
         });
         edges
     }
 }
 
-/// One edge, and the solid that bounds the union on it.
-struct Search {
+/// A sign-changing edge.
+struct CrossedEdge {
     axis: usize,
     /// A point of its line.
     at: [f64; 3],
@@ -220,81 +311,26 @@ struct Search {
     step: f64,
 }
 
-impl Search {
-    fn new(lattice: Lattice, signs: &SignChanges, axis: Axis, lower: [usize; 3]) -> Search {
+impl CrossedEdge {
+    fn new(lattice: Lattice, signs: &SignChanges, axis: Axis, lower: [usize; 3]) -> CrossedEdge {
         let upper = !signs.is_inside(lower);
         let a = axis.index();
         let at = [0, 1, 2].map(|a| lattice.at(a, lower[a]));
         let inside = lattice.at(a, lower[a] + usize::from(upper));
-        Search { axis: a, at, inside, upper, step: lattice.step }
+        CrossedEdge { axis: a, at, inside, upper, step: lattice.step }
     }
 
-    /// The inside end.
-    fn at_inside(&self) -> [f64; 3] {
-        let mut at = self.at;
-        at[self.axis] = self.inside;
-        at
-    }
-
-    /// Adds the intervals of solids that may have a part in the edge.
-    fn gather(&self, solids: &[SweptSolid], list: &[u32], spans: &mut Vec<(u32, IntervalEnd, IntervalEnd)>) {
-        for &number in list {
-            let solid = &solids[number as usize];
-            let [low, high] = solid.bounds();
-            if self.misses(low[self.axis], high[self.axis]) {
-                continue;
-            }
-            if let Some(interval) = solid.line(self.axis, self.at) {
-                spans.push((number, interval.low, interval.high));
-            }
-        }
-    }
-
-    /// Whether what lies between two coordinates has no part in the edge.
-    fn misses(&self, low: f64, high: f64) -> bool {
-        let outside = if self.upper { self.inside - self.step } else { self.inside + self.step };
-        let (from, to) = (self.inside.min(outside), self.inside.max(outside));
-        high < from - TOUCH || low > to + TOUCH
-    }
-
-    /// From the inside end to where no interval leads on.
-    fn follow(&self, spans: &[(u32, IntervalEnd, IntervalEnd)]) -> Option<Best> {
-        let (mut best, mut reached): (Option<Best>, f64) = (None, 0.0);
-        loop {
-            let from = if self.upper { self.inside - reached } else { self.inside + reached };
-            let mut next: Option<Best> = None;
-            for &(solid, low, high) in spans {
-                if low.at > from + TOUCH || high.at < from - TOUCH {
-                    continue;
-                }
-                let end = if self.upper { low } else { high };
-                let depth = if self.upper { self.inside - end.at } else { end.at - self.inside };
-                if depth > next.map_or(reached, |next| next.depth) || (best.is_none() && next.is_none()) {
-                    next = Some(Best { depth, solid, end });
-                }
-            }
-            match next {
-                Some(next) if best.is_none() || next.depth > reached => {
-                    (best, reached) = (Some(next), next.depth.max(0.0));
-                }
-                _ => return best,
-            }
-            if reached >= self.step {
-                return best;
-            }
-        }
-    }
-
-    /// The crossing. Where rounding has all lines miss the sample, its own place stands in.
-    fn finish(&self, best: Option<Best>, solids: &[SweptSolid]) -> HermiteEdge {
-        let depth = best.map_or(0.0, |best| best.depth).clamp(0.0, self.step);
-        let inside = depth / self.step;
+    /// Where the stretch ends that holds the inside end. Where rounding has all lines miss the sample, its own place stands in.
+    fn crossing(&self, end: Option<StretchEnd>, solids: &[SweptSolid]) -> HermiteEdge {
+        let depth =
+            |end: StretchEnd| if self.upper { self.inside - end.end.at } else { end.end.at - self.inside };
+        let inside = end.map_or(0.0, depth).clamp(0.0, self.step) / self.step;
         let fraction = if self.upper { 1.0 - inside } else { inside };
         let offset = ((fraction * 65536.0 + 0.5) as u32).min(65535) as u16;
         let outward = if self.upper { -1 } else { 1 };
-        let normal = match &best {
-            Some(best) => {
-                let direction = solids[best.solid as usize].outward(self.axis, self.at, &best.end);
+        let normal = match &end {
+            Some(StretchEnd { solid, end }) => {
+                let direction = solids[*solid as usize].outward(self.axis, self.at, end);
                 normal_code(direction, self.axis, outward)
             }
             None => {

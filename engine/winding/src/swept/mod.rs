@@ -6,6 +6,8 @@
 //! threads agree. Lines along y and z place crossings alone.
 
 mod brick;
+#[cfg(test)]
+mod brick_tests;
 mod cone;
 mod distance;
 mod line;
@@ -13,6 +15,6 @@ mod solid;
 #[cfg(test)]
 mod tests;
 
-pub use brick::SweptEvaluator;
+pub use brick::{SweptEvaluator, WantedSamples};
 pub use line::{Feature, Interval, IntervalEnd};
 pub use solid::{ConvexSolid, SweptSolid, cube_of};

@@ -46,8 +46,6 @@ pub struct SweptSolid {
     shape: ConvexSolid,
     /// Least and greatest coordinates.
     bounds: [[f64; 3]; 2],
-    /// Along which axes other parts of its tool touch it.
-    touched: [bool; 3],
 }
 
 impl ConvexSolid {
@@ -63,18 +61,7 @@ pub fn cube_of(key: NodeKey) -> ([f64; 3], f64) {
 impl SweptSolid {
     /// A solid.
     pub fn new(shape: ConvexSolid) -> SweptSolid {
-        SweptSolid { shape, bounds: bounds(&shape), touched: [false; 3] }
-    }
-
-    /// The same as a part of a tool with this axis, which other parts touch where no sample may be.
-    #[must_use]
-    pub fn as_part(self, tool: [f64; 3]) -> SweptSolid {
-        SweptSolid { touched: tool.map(|c| c != 0.0), ..self }
-    }
-
-    /// Whether a line along an axis may lead from it to other parts of its tool.
-    pub fn is_touched(&self, axis: usize) -> bool {
-        self.touched[axis]
+        SweptSolid { shape, bounds: bounds(&shape) }
     }
 
     /// What it is.
