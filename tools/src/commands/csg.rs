@@ -50,7 +50,7 @@ pub fn run(args: &CsgArgs) -> Result<(), Failure> {
     let meta = meta_of(&first, &stores, &bounds, sources, program);
     let mut chain = vec![(Operation::Plus, Operand::Store(&first))];
     chain.extend(operands.iter().map(|(operation, ready)| (*operation, ready.operand())));
-    let chain = Chain { operands: chain, keep_counts: args.keep_counts, depth: meta.depth };
+    let chain = Chain { operands: chain, keep_counts: args.keep_counts, depth: meta.depth, made: None };
     let settings = vec![
         ("made by".to_owned(), "csg".to_owned()),
         ("counts".to_owned(), if args.keep_counts { "kept" } else { "clamped" }.to_owned()),

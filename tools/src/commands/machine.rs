@@ -11,13 +11,13 @@ use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use anyhow::{Context, anyhow};
-use brickfield_engine::csg::{Chain, CsgSummary, Operand, Operation, Writing, meta_of};
+use brickfield_engine::csg::{Chain, CsgSummary, Operand, Operation, SweptBricks, Writing, meta_of};
 use brickfield_engine::lattice::millimetres;
 use brickfield_engine::machining::{
     BoundedVolume, Cut, OpenedVoid, RemovedVolume, VoidState, measured_volume, opened, removed,
 };
 use brickfield_engine::milling::{Program, ProgramOptions, Tool, read};
-use brickfield_engine::part::PartFile;
+use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, BrickTree, Meta, Source, Store, hash_of};
 use brickfield_engine::swept::SweptSolid;
 use brickfield_engine::voids::VoidOptions;
@@ -173,7 +173,9 @@ impl Job<'_> {
         ];
         let pace = pace(args.keeping.commit_every)?;
         let writing = Writing { memory: self.memory(), pace, restart: args.keeping.restart, settings };
-        let chain = self.chain(Operation::Minus, &cut.solids);
+        // What is left and what is taken off ask for the same bricks of what the tools sweep.
+        let made = SweptBricks::new(directory_of(&args.output));
+        let chain = Chain { made: Some(&made), ..self.chain(Operation::Minus, &cut.solids) };
         let meta = self.meta()?;
         let mut clock = Instant::now();
         let mut phases = Vec::new();
@@ -183,7 +185,8 @@ impl Job<'_> {
         };
         let summary = chain.write(&args.output, meta.clone(), writing, bars)?;
         lap("cut");
-        let total = self.taken(&cut.solids, &meta)?;
+        let total = self.taken(&cut.solids, Some(&made), &meta)?;
+        drop(made);
         lap("measure");
         let removed = removed(store, cut, bars)?;
         lap("attribute");
@@ -226,12 +229,17 @@ impl Job<'_> {
         let operands =
             vec![(Operation::Plus, Operand::Store(&self.store)), (operation, Operand::Solids(solids))];
         let keep_counts = self.args.keep_counts && operation == Operation::Minus;
-        Chain { operands, keep_counts, depth: self.store.meta().depth }
+        Chain { operands, keep_counts, depth: self.store.meta().depth, made: None }
     }
 
     /// What solids have in common with the part.
-    fn taken(&self, solids: &[SweptSolid], meta: &Meta) -> Result<BoundedVolume, Failure> {
-        let chain = self.chain(Operation::And, solids);
+    fn taken(
+        &self,
+        solids: &[SweptSolid],
+        made: Option<&SweptBricks>,
+        meta: &Meta,
+    ) -> Result<BoundedVolume, Failure> {
+        let chain = Chain { made, ..self.chain(Operation::And, solids) };
         let Job { args, bars, .. } = self;
         Ok(measured_volume(&chain, meta.clone(), &args.output, self.memory(), bars)?)
     }
@@ -259,7 +267,7 @@ impl Job<'_> {
         for end in ends {
             let solids = self.cut.moves.partition_point(|&number| (number as usize) < end);
             let is_all = end == moves.len();
-            let now = if is_all { total } else { self.taken(&self.cut.solids[..solids], meta)? };
+            let now = if is_all { total } else { self.taken(&self.cut.solids[..solids], None, meta)? };
             let of = &mut taken[moves[end - 1].tool as usize];
             of.value += now.value - before.value;
             of.error += now.error + before.error;

@@ -9,6 +9,7 @@ mod meta;
 mod operand;
 mod primitive;
 mod run;
+mod swept_bricks;
 mod walk;
 
 pub use chain::Operation;
@@ -17,4 +18,5 @@ pub use meta::meta_of;
 pub use operand::Operand;
 pub use primitive::Primitive;
 pub use run::{CsgSummary, Writing};
+pub use swept_bricks::SweptBricks;
 pub use walk::Chain;

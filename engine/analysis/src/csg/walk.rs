@@ -3,7 +3,8 @@
 use super::chain::{OperandState, Operation, decide};
 use super::combine::{BrickOperand, Content, HiddenCrossings, combine};
 use super::operand::{Operand, OperandInNode};
-use crate::brick::{Brick, SignChanges};
+use super::swept_bricks::SweptBricks;
+use crate::brick::{Brick, SignChanges, codec};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, Octant};
 use crate::store::{CoarseSamples, IndexEntry, JoinedNode, Records, Scratch, Store, join};
@@ -17,6 +18,8 @@ pub struct Chain<'a> {
     pub keep_counts: bool,
     /// The level of leaves where no store has a boundary.
     pub depth: u8,
+    /// Bricks of the last operand, if those are solids that another chain of the same operands takes as well.
+    pub made: Option<&'a SweptBricks>,
 }
 
 /// What a thread works with.
@@ -25,6 +28,7 @@ pub(super) struct WalkScratch {
     evaluator: SweptEvaluator,
     payload: Vec<u8>,
     scratch: Scratch,
+    codec: codec::Scratch,
     pub hidden: HiddenCrossings,
 }
 
@@ -159,7 +163,12 @@ impl Chain<'_> {
         let mut wanted = WantedSamples::all();
         let mut bricks: Vec<Brick> = Vec::with_capacity(self.operands.len());
         for ((_, operand), within) in self.operands.iter().zip(within) {
-            let brick = operand.brick(key, within, (&mut desk.evaluator, &wanted))?;
+            let mut make = || operand.brick(key, within, (&mut desk.evaluator, &wanted));
+            let is_last = bricks.len() + 1 == self.operands.len();
+            let brick = match self.made.filter(|_| is_last && matches!(within, OperandInNode::Solids(_))) {
+                Some(made) => made.get((key, wanted.is_all()), &mut desk.codec, make)?,
+                None => make()?,
+            };
             if let (true, Brick::Counts { samples, .. }) =
                 (bricks.is_empty() && self.only_takes_off(), &brick)
             {

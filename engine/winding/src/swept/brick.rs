@@ -84,6 +84,11 @@ impl WantedSamples {
         WantedSamples { rows }
     }
 
+    /// Whether these are all samples.
+    pub fn is_all(&self) -> bool {
+        self.rows.iter().all(|row| *row == ALL)
+    }
+
     fn row(&self, j: usize, k: usize) -> u64 {
         self.rows[k * P + j]
     }
