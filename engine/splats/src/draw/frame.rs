@@ -72,6 +72,7 @@ impl DrawFrame {
     }
 
     /// The direction of the ray through a pixel.
+    #[inline]
     pub fn along(&self, column: usize, row: usize) -> [f32; 3] {
         if self.parallel {
             return self.corner;

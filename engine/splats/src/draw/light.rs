@@ -45,6 +45,7 @@ impl SplatLight {
     }
 
     /// The colour of a pixel, by the sum of the normals in it and its ray's direction.
+    #[inline]
     pub fn pixel(&self, sum: [f32; 3], along: [f32; 3]) -> Rgba {
         let normal = unit(sum);
         let within = dot(normal, along) > 0.0;

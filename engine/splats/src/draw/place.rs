@@ -1,6 +1,6 @@
 //! Splats to the pixels that they may touch: eight at a time, sorted by tile.
 
-use super::frame::{DrawFrame, TileBits};
+use super::frame::{DrawFrame, TILE_BITS, TileBits};
 use super::scene::{LANES, SceneNode};
 use crate::wide::{Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, level};
 
@@ -69,7 +69,11 @@ impl PlacedSplats {
         for node in nodes {
             dispatch!(level(), simd => placed.add(simd, frame, node));
         }
-        placed.tiles = TileLists::new(&placed.splats, bits);
+        placed.tiles = match bits {
+            // Known to the compiler it takes a twentieth less of a picture's time.
+            TILE_BITS => TileLists::new(&placed.splats, TILE_BITS),
+            others => TileLists::new(&placed.splats, others),
+        };
         placed
     }
 
@@ -293,6 +297,7 @@ fn tiles_of(splat: &PlacedSplat, bits: TileBits) -> [u32; 4] {
 }
 
 impl TileLists {
+    #[inline(always)]
     fn new(splats: &[PlacedSplat], bits: TileBits) -> TileLists {
         let (mut first, mut last) = ([u32::MAX; 2], [0; 2]);
         for splat in splats {
