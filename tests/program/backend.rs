@@ -160,7 +160,7 @@ fn a_device_draws_splats_and_is_named() {
     let off = expected.iter().zip(&found).filter(|(a, b)| a.abs_diff(**b) > 2).count();
     assert!(expected.len() == found.len() && off <= 9, "{off} of {} are off", expected.len());
     // Without room the processor draws, and a line says so.
-    let done = draw(&there, &["--backend", "vulkan", "--gpu-memory", "64KiB"]);
+    let done = draw(&there, &["--backend", "vulkan", "--gpu-memory", "16KiB"]);
     assert_eq!((done.status, done.stderr.lines().count()), (Some(0), 1), "{}", done.stderr);
     assert!(done.stderr.contains("the processor drew in its place"), "{}", done.stderr);
     assert!(std::fs::read(&there).unwrap() == std::fs::read(&here).unwrap());

@@ -1,6 +1,6 @@
 //! Splats of some tiles of a picture, and how many of both have room.
 
-use brickfield_shaders::{SplatTile, SplatView, TileSplat};
+use brickfield_shaders::{STEPS_MAX, SplatTile, SplatView, TileSplat};
 
 /// Splats that a device draws together.
 #[derive(Debug, Default)]
@@ -23,4 +23,11 @@ pub struct SplatCapacity {
     pub tiles: usize,
     /// Splats, each as often as tiles have it.
     pub splats: usize,
+}
+
+impl SplatCapacity {
+    /// With how many splats a tile is drawn at once at most.
+    pub fn of_tile(&self) -> usize {
+        self.splats.min(STEPS_MAX as usize)
+    }
 }

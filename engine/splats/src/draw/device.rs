@@ -11,15 +11,14 @@ use crate::error::Result;
 use crate::gpu::{DeviceFailure, Gpu, SplatBatch, SplatCapacity, SplatDrawer};
 use crate::picture::Rgba;
 use crate::progress::Progress;
-use brickfield_shaders::{STEPS_MAX, SplatTile, SplatView, TILE, TileSplat};
+use brickfield_shaders::{SplatTile, SplatView, TILE, TileSplat};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Columns and rows of a tile on the device.
 const BITS: TileBits = [TILE.ilog2(); 2];
 const SIDE: usize = TILE as usize;
 const TILE_PIXELS: usize = SIDE * SIDE;
-/// Splats that a tile is drawn with at once.
-const STEP: usize = STEPS_MAX as usize;
 /// Distances beyond this are those of nothing.
 const NOTHING: f32 = 1e29;
 
@@ -163,28 +162,29 @@ impl TilesOfSplats<'_> {
         input: &mut SplatBatch,
     ) -> std::result::Result<(), DeviceFailure> {
         let most = batch.iter().map(|tile| tile.splats).max().unwrap_or(0);
-        if most <= STEP {
-            self.pack(batch, 0, input);
+        let step = drawer.room().of_tile();
+        if most <= step {
+            self.pack(batch, 0..step, input);
             return drawer.draw(input);
         }
-        for behind in (0..most).step_by(STEP) {
-            self.pack(batch, behind, input);
+        for behind in (0..most).step_by(step) {
+            self.pack(batch, behind..behind + step, input);
             drawer.find_nearest(input, behind == 0)?;
         }
-        for behind in (0..most).step_by(STEP) {
-            self.pack(batch, behind, input);
+        for behind in (0..most).step_by(step) {
+            self.pack(batch, behind..behind + step, input);
             drawer.blend(input)?;
         }
         Ok(())
     }
 
-    /// Tiles that have splats behind some, with as many of these as are drawn at once.
-    fn pack(&self, batch: &[TouchedTile], behind: usize, input: &mut SplatBatch) {
+    /// Tiles that have splats with these numbers among their own, with these splats.
+    fn pack(&self, batch: &[TouchedTile], numbers: Range<usize>, input: &mut SplatBatch) {
         input.tiles.clear();
         let mut some = Vec::with_capacity(batch.len());
         let mut end = 0;
-        for (number, tile) in batch.iter().enumerate().filter(|(_, tile)| tile.splats > behind) {
-            let count = (tile.splats - behind).min(STEP);
+        for (number, tile) in batch.iter().enumerate().filter(|(_, tile)| tile.splats > numbers.start) {
+            let count = tile.splats.min(numbers.end) - numbers.start;
             input.tiles.push(SplatTile {
                 column: tile.column * TILE,
                 row: tile.row * TILE,
@@ -203,7 +203,7 @@ impl TilesOfSplats<'_> {
             parts.push((tile, part));
             left = others;
         }
-        parts.into_par_iter().for_each(|(tile, part)| self.pack_tile(tile, behind, part));
+        parts.into_par_iter().for_each(|(tile, part)| self.pack_tile(tile, numbers.start, part));
     }
 
     /// The splats of a tile behind some, as many as there are places.

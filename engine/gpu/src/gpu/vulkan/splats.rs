@@ -24,12 +24,14 @@ const TILE_PIXELS: usize = (TILE * TILE) as usize;
 const PIXEL_BYTES: usize = 16;
 /// Tiles and splats at most: 25 MB.
 const ROOM: SplatCapacity = SplatCapacity { tiles: 1 << 12, splats: 1 << 18 };
+/// How often they can be halved: to four tiles and 256 splats.
+const HALVINGS: u32 = 10;
 
 impl SplatCapacity {
-    /// The most that fits in so many bytes, at least as many splats as a tile is drawn with at once.
+    /// The most that fits in so many bytes, at least some splats of some tiles.
     fn within(bytes: u64, range_max: u64, stages: bool) -> Option<SplatCapacity> {
-        let halvings = 0..=(ROOM.splats / STEPS_MAX as usize).ilog2();
-        let rooms = halvings.map(|n| SplatCapacity { tiles: ROOM.tiles >> n, splats: ROOM.splats >> n });
+        let rooms =
+            (0..=HALVINGS).map(|n| SplatCapacity { tiles: ROOM.tiles >> n, splats: ROOM.splats >> n });
         rooms.into_iter().find(|room| {
             let layout = room.layout();
             layout.is_seen(range_max) && layout.total_bytes(stages) <= bytes
@@ -183,12 +185,12 @@ mod tests {
     #[test]
     fn tiles_fit_their_memory() {
         assert_eq!(SplatCapacity::within(1 << 30, 1 << 27, true), Some(ROOM));
-        for bytes in [400_000, 1 << 20, 20 << 20] {
+        for bytes in [60_000, 400_000, 1 << 20, 20 << 20] {
             let room = SplatCapacity::within(bytes, 1 << 27, true).unwrap();
             assert!(room.layout().total_bytes(true) <= bytes && room.tiles > 0);
-            assert!((STEPS_MAX as usize..=ROOM.splats).contains(&room.splats), "{room:?}");
+            assert!(room.of_tile() == room.splats.min(STEPS_MAX as usize) && room.of_tile() >= 256);
         }
-        assert_eq!(SplatCapacity::within(100_000, 1 << 27, true), None);
-        assert_eq!(SplatCapacity::within(1 << 30, 100_000, true), None);
+        assert_eq!(SplatCapacity::within(20_000, 1 << 27, true), None);
+        assert_eq!(SplatCapacity::within(1 << 30, 10_000, true), None);
     }
 }
