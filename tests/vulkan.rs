@@ -12,6 +12,8 @@ mod check;
 mod device;
 #[path = "vulkan/rays.rs"]
 mod rays;
+#[path = "vulkan/splats.rs"]
+mod splats;
 #[path = "vulkan/suite.rs"]
 mod suite;
 

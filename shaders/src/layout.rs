@@ -385,6 +385,70 @@ shared! {
     }
 }
 
+shared! {
+    /// An eye that sees splats. Places are relative to the middle of what is seen.
+    SplatView {
+        /// The eye; of parallel rays where the one through the picture's upper left corner begins.
+        origin: [f32; 4],
+        /// From the eye to the picture's upper left corner; the direction of parallel rays.
+        corner: [f32; 4],
+        /// From a pixel to the next on the right.
+        across: [f32; 4],
+        /// From a pixel to the one below.
+        down: [f32; 4],
+        /// Lower corner of what is left by the cuts.
+        low: [f32; 4],
+        /// Upper corner.
+        high: [f32; 4],
+        /// Whether rays are parallel.
+        parallel: u32,
+        /// Whether there are cuts.
+        open: u32,
+        /// Whether pixels begin with nothing.
+        first: u32,
+        /// Nothing.
+        unused: u32,
+    }
+}
+
+shared! {
+    /// A tile of [`TILE`]² pixels with some of the splats that may touch it.
+    SplatTile {
+        /// Its first column of pixels.
+        column: u32,
+        /// Its first row.
+        row: u32,
+        /// Where its splats begin.
+        splats_from: u32,
+        /// How many there are, at most [`STEPS_MAX`].
+        splats: u32,
+        /// Where its pixels begin.
+        pixels_from: u32,
+    }
+}
+
+shared! {
+    /// A splat as it is drawn in a tile.
+    TileSplat {
+        /// Its centre; how far that is from the middle of its cell, along the normal.
+        centre: [f32; 4],
+        /// Its unit normal.
+        normal: [f32; 4],
+        /// A plane n, d that cuts it: of it remains where n · (p - centre) ≤ d.
+        first_cut: [f32; 4],
+        /// Another.
+        second_cut: [f32; 4],
+        /// First and last column of pixels that it may touch, in the low and the high half.
+        columns: u32,
+        /// First and last row.
+        rows: u32,
+        /// Number of its cell's size.
+        size: u32,
+        /// How many planes cut it, at most two.
+        cuts: u32,
+    }
+}
+
 /// Names of members with their offsets in bytes.
 pub type Members = &'static [(&'static str, usize)];
 
@@ -399,6 +463,9 @@ pub const STRUCTURES: &[(&str, usize, Members)] = &[
     ("Round", size_of::<Round>(), Round::MEMBERS),
     ("TreeNode", size_of::<TreeNode>(), TreeNode::MEMBERS),
     ("Shell", size_of::<Shell>(), Shell::MEMBERS),
+    ("SplatView", size_of::<SplatView>(), SplatView::MEMBERS),
+    ("SplatTile", size_of::<SplatTile>(), SplatTile::MEMBERS),
+    ("TileSplat", size_of::<TileSplat>(), TileSplat::MEMBERS),
 ];
 
 /// Buffers of the kernels that evaluate bricks, by binding.
@@ -416,3 +483,5 @@ pub const RAY_BUFFERS: [&str; 13] = [
     "sight", "shells", "tables", "nodes", "pages", "pool", "used", "round", "wanted", "queue", "light",
     "along", "pixels",
 ];
+/// Buffers of the kernels that draw splats, by binding.
+pub const SPLAT_BUFFERS: [&str; 5] = ["view", "sizes", "tiles", "splats", "pixels"];

@@ -3,7 +3,7 @@
 //! A shader has the name of its twin among the engine's sources: `scan` finds the crossings of triangles with
 //! lattice lines, `evaluate` the samples of bricks, `hermite` their Hermite edges, `brute` sums solid angles. Those of an
 //! open soup's caps have a module of several files, named after their twins: `cells` sums over the tree of their clusters. So have those
-//! that cast rays: `trace` follows them through tree and bricks, `frame` makes pixels of what they gather.
+//! that cast rays: `trace` follows them through tree and bricks, `frame` makes pixels of what they gather. `raster` draws splats.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -53,6 +53,7 @@ shaders! {
     BRUTE "brute";
     OPEN "open";
     RAYS "rays";
+    RASTER "raster";
 }
 
 #[cfg(test)]
@@ -61,7 +62,7 @@ mod tests {
 
     #[test]
     fn modules_are_spir_v() {
-        for shader in [SCAN, EVALUATE, HERMITE, BRUTE, OPEN, RAYS] {
+        for shader in [SCAN, EVALUATE, HERMITE, BRUTE, OPEN, RAYS, RASTER] {
             assert_eq!(shader.words[..2], [0x0723_0203, 0x0001_0300], "{}", shader.name);
         }
     }

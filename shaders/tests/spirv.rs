@@ -9,13 +9,14 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use std::path::Path;
 
 /// Modules: name, sources in order, buffers by binding.
-const MODULES: [(&str, &[&str], &[&str]); 6] = [
+const MODULES: [(&str, &[&str], &[&str]); 7] = [
     ("scan", &["brick", "normal", "crossing", "scan"], &layout::BRICK_BUFFERS),
     ("evaluate", &["brick", "evaluate"], &layout::BRICK_BUFFERS),
     ("hermite", &["brick", "normal", "crossing", "hermite"], &layout::BRICK_BUFFERS),
     ("brute", &["brute"], &layout::BRUTE_BUFFERS),
     ("open", &["row", "atan", "angle", "moments", "local", "cells"], &layout::SUM_BUFFERS),
     ("rays", &["camera", "field", "stops", "light", "trace", "frame"], &layout::RAY_BUFFERS),
+    ("raster", &["raster"], &layout::SPLAT_BUFFERS),
 ];
 
 /// Modules whose arithmetic is as written: bounds on its errors hold, which they would not if the driver might move

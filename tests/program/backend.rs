@@ -110,6 +110,62 @@ fn a_device_draws_pictures_and_is_named() {
     }
 }
 
+#[test]
+fn without_a_device_splats_are_drawn_all_the_same() {
+    let dir = Scratch::new();
+    let (store, picture) = (dir.path("o.brf"), dir.path("o.png"));
+    run(&[&"build", &stl("overlap_boxes"), &"-o", &store, &"--depth", &"2"]).ok();
+    let render: [&dyn AsRef<OsStr>; 7] =
+        [&"render", &store, &"-o", &picture, &"--splats", &"--size", &"64x48"];
+    let mut pictures = Vec::new();
+    for backend in ["auto", "cpu"] {
+        run_without_drivers(&[&render[..], &[&"--backend", &backend]].concat()).ok();
+        pictures.push(std::fs::read(&picture).unwrap());
+    }
+    assert!(pictures[0] == pictures[1]);
+    std::fs::remove_file(&picture).unwrap();
+    let message = run_without_drivers(&[&render[..], &[&"--backend", &"vulkan"]].concat()).failed();
+    assert!(message.contains("--backend vulkan: ") && message.contains("use --backend cpu"), "{message}");
+    assert_eq!(dir.names(), ["o.brf"]);
+}
+
+#[test]
+#[ignore = "needs a Vulkan device; run with -- --ignored"]
+fn a_device_draws_splats_and_is_named() {
+    let dir = Scratch::new();
+    let store = dir.path("o.brf");
+    run(&[&"build", &stl("clover_model"), &"-o", &store, &"--depth", &"3"]).ok();
+    let devices = run(&[&"info", &"--devices", &"--json"]).json();
+    let name = devices[0]["name"].as_str().unwrap().to_owned();
+    let draw = |out: &Path, by: &[&str]| {
+        let mut args: Vec<&dyn AsRef<OsStr>> = vec![&"render", &store, &"-o", &out, &"--splats"];
+        args.extend(["--size", "64x48"].iter().chain(by).map(|arg| arg as &dyn AsRef<OsStr>));
+        run(&args)
+    };
+    let [here, there] = ["here.png", "there.png"].map(|name| dir.path(name));
+    let told = draw(&here, &[]).ok();
+    assert!(!told.contains(&name), "{told}");
+    let told = draw(&there, &["--device", "0"]).ok();
+    assert!(told.trim_end().ends_with(&format!(", by {name}")), "{told}");
+    let json = draw(&there, &["--backend", "vulkan", "--json"]).json();
+    assert!(json["device"]["name"] == *name && json["device"]["failure"].is_null(), "{json}");
+    // Rounding aside they are the same.
+    let pixels = |path: &Path| {
+        let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        bytes
+    };
+    let (expected, found) = (pixels(&here), pixels(&there));
+    let off = expected.iter().zip(&found).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+    assert!(expected.len() == found.len() && off <= 9, "{off} of {} are off", expected.len());
+    // Without room the processor draws, and a line says so.
+    let done = draw(&there, &["--backend", "vulkan", "--gpu-memory", "16KiB"]);
+    assert_eq!((done.status, done.stderr.lines().count()), (Some(0), 1), "{}", done.stderr);
+    assert!(done.stderr.contains("the processor drew in its place"), "{}", done.stderr);
+    assert!(std::fs::read(&there).unwrap() == std::fs::read(&here).unwrap());
+}
+
 /// The pictures of an opaque animation.
 fn frames_of(path: &Path) -> Vec<Vec<[u8; 3]>> {
     let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();

@@ -19,20 +19,20 @@ use brickfield_engine::render::{
 use brickfield_engine::store::{BrickTree, MemoryTree};
 use std::time::Instant;
 
-type Soup = Vec<[[f64; 3]; 3]>;
-type Picture = Vec<[u8; 4]>;
+pub type Soup = Vec<[[f64; 3]; 3]>;
+pub type Picture = Vec<[u8; 4]>;
 
 /// A part with the box around it.
-struct Part {
-    tree: MemoryTree,
-    bounds: [[f64; 3]; 2],
+pub struct Part {
+    pub tree: MemoryTree,
+    pub bounds: [[f64; 3]; 2],
 }
 
 fn soup(mesh: &Mesh) -> Soup {
     mesh.triangles.iter().map(|t| t.map(|v| mesh.vertices[v as usize])).collect()
 }
 
-fn part(soup: &Soup, depth: u8) -> Part {
+pub fn part(soup: &Soup, depth: u8) -> Part {
     let all = || soup.iter().flatten();
     let min = std::array::from_fn(|a| all().fold(f64::MAX, |m, v| m.min(v[a])));
     let max = std::array::from_fn(|a| all().fold(f64::MIN, |m, v| m.max(v[a])));
@@ -52,14 +52,14 @@ fn cavity() -> Soup {
 }
 
 /// Tubes along a real toolpath.
-fn clover() -> Soup {
+pub fn clover() -> Soup {
     let input = open_data("stl/clover_beads.stl");
     let mut soup = Soup::new();
     input.read(0..Facets::facets(&input), &mut soup);
     soup
 }
 
-fn pile() -> Soup {
+pub fn pile() -> Soup {
     soup(&Mesh::merged(&random_pile(3, 60)))
 }
 
@@ -69,7 +69,7 @@ fn options(part: &Part, style: Style, opening: f64) -> RenderOptions {
 }
 
 /// Cuts through the middle of a part: across z, and a corner of it.
-fn cuts(part: &Part) -> Vec<Vec<CutPlane>> {
+pub fn cuts(part: &Part) -> Vec<Vec<CutPlane>> {
     let at = |axis: Axis, share: f64| {
         let [low, high] = part.bounds.map(|corner| corner[axis.index()]);
         CutPlane { axis, at: low + share * (high - low), above: axis == Axis::Z }
@@ -105,14 +105,14 @@ fn there(device: &Vulkan, part: &Part, options: &RenderOptions) -> (Picture, Cas
 }
 
 /// How many of a thousand pixels are off by more than two steps of 255 in a channel.
-fn off(a: &Picture, b: &Picture) -> f64 {
+pub fn off(a: &Picture, b: &Picture) -> f64 {
     assert_eq!(a.len(), b.len());
     let differs = |(a, b): &(&[u8; 4], &[u8; 4])| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 2);
     a.iter().zip(b).filter(differs).count() as f64 * 1000.0 / a.len() as f64
 }
 
 /// Fails if the validation layer said anything.
-fn silent(device: &Vulkan) {
+pub fn silent(device: &Vulkan) {
     let messages = read(&device.gpu().messages());
     assert!(messages.is_empty(), "{}", messages.join("\n"));
 }

@@ -27,7 +27,8 @@ pub struct BackendArgs {
 /// The backends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum BackendArg {
-    /// For pictures a GPU if there is one, otherwise the processor; for builds the processor, which takes less time
+    /// For pictures by rays a GPU if there is one, otherwise the processor; for builds and splats the processor, which takes
+    /// less time
     #[default]
     Auto,
     /// All processor cores

@@ -184,7 +184,8 @@ Rays go past what the index says is empty and read only the bricks that they mee
 The picture has the same bytes for any number of threads and any memory.
 
 With --backend vulkan rays are cast on a device, to which bricks are brought as rays come to them. Its pictures do not depend \
-on its memory either.
+on its memory either. Splats are drawn there, too, but with --backend auto by the processor, which takes less time than to open a \
+device.
 
 Levels of detail: where the cells of a coarser level are smaller than --lod pixels they stand for what is below. They are samples of the same field, so what is thinner than --lod pixels may be missing or show holes.
 
@@ -247,9 +248,8 @@ pub struct RenderArgs {
     /// folder
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
     pub turntable: Option<u32>,
-    /// Draw splats, as of a file that `splats` wrote, or of the store itself, by the processor alone. --lod and --level choose
-    /// their size
-    #[arg(long, conflicts_with_all = ["preview", "turntable", "style", "backend", "device", "gpu_memory"])]
+    /// Draw splats, as of a file that `splats` wrote, or of the store itself. --lod and --level choose their size
+    #[arg(long, conflicts_with_all = ["preview", "turntable", "style"])]
     pub splats: bool,
     /// What is shown: solid, boundary, overlap, what a file says, or what is found: voids, thickness, deviation,
     /// changes
@@ -317,7 +317,7 @@ pub struct RenderArgs {
 /// What draws.
 #[derive(Args, Clone, Debug)]
 pub struct DrawArgs {
-    /// What casts the rays. A device's pictures are the processor's up to rounding: at least 999 of 1000 pixels are within 2
+    /// What draws. A device's pictures are the processor's up to rounding: at least 999 of 1000 pixels are within 2
     /// of 255
     #[arg(long, value_enum, default_value_t)]
     pub backend: BackendArg,

@@ -8,5 +8,6 @@ pub mod splats;
 
 use brickfield_coding::{bsp, picks, range};
 use brickfield_core::{error, lattice, part, progress, schedule, wide};
+use brickfield_gpu::gpu;
 use brickfield_octree::{brick, store};
 use brickfield_picture::{picture, render};

@@ -2,15 +2,19 @@
 
 use super::render::{cuts, view};
 use super::{CACHE_BYTES, of_store, open_store, require_level, start};
+use crate::devices::choose;
 use crate::failure::Failure;
-use crate::output::{in_line, print, print_json, require_distinct};
+use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs};
 use brickfield_engine::Progress;
-use brickfield_engine::draw::{DrawOptions, SplatScene, draw, write_picture};
+use brickfield_engine::draw::{DrawOptions, SplatPicture, SplatScene, draw, draw_on, write_picture};
 use brickfield_engine::splats::{LevelsOptions, SplatLevels, read_bsp};
 use brickfield_engine::store::{AcceptedStores, BrickTree};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::time::Instant;
+
+/// Why no device is opened unless it is asked for: that takes longer than a picture of splats.
+const WHY_NOT: &str = "the processor draws splats sooner than a device is opened";
 
 /// A part as splats.
 struct Part {
@@ -27,6 +31,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     }
     let view = view(args)?;
     let bars = start(args.work)?;
+    let device = choose(&args.draws.backend(), Some(args.memory), Some(WHY_NOT))?.device();
     require_distinct(&[&args.output], &[&args.store])?;
     let is_file = args.store.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bsp"));
     let part = if is_file { of_file(args, &bars)? } else { of_brick_store(args, &bars)? };
@@ -41,23 +46,37 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         background,
     };
     let started = Instant::now();
-    let picture = draw(&part.scene, &options, &bars).map_err(Failure::from)?;
+    let (picture, failure) = match &device {
+        Some(device) => draw_on(device.gpu(), &part.scene, &options, &bars)?,
+        None => (draw(&part.scene, &options, &bars)?, None),
+    };
     let seconds = started.elapsed().as_secs_f64();
     write_picture(&picture, background[3] == 255, &args.output)?;
     bars.clear();
-    let ([width, height], drawn) = (picture.size, picture.drawn);
+    let by = device.as_ref().map(|device| device.gpu().info().name.as_str());
+    let failure = failure.map(|failure| failure.to_string());
+    if let (Some(name), Some(failure)) = (by, &failure) {
+        warn(&format!("{name}: {failure}; the processor drew in its place"));
+    }
     if args.json {
-        let output = args.output.display().to_string();
-        let splats = part.scene.len();
-        return print_json(
-            &json!({ "output": output, "size": [width, height], "splats": splats, "drawn": drawn, "seconds": seconds }),
-        );
+        let mut said = told(args, &picture, part.scene.len(), seconds);
+        if let Some(name) = by {
+            said["device"] = json!({ "name": name, "failure": failure });
+        }
+        return print_json(&said);
     }
     if args.work.quiet {
         return Ok(());
     }
-    let name = in_line(&args.output);
-    print(&format!("{name}: {width} × {height} pixels, {drawn} splats, {seconds:.2} s"))
+    let ([width, height], drawn, name) = (picture.size, picture.drawn, in_line(&args.output));
+    let by = by.filter(|_| failure.is_none()).map_or_else(String::new, |by| format!(", by {by}"));
+    print(&format!("{name}: {width} × {height} pixels, {drawn} splats, {seconds:.2} s{by}"))
+}
+
+/// What was drawn.
+fn told(args: &RenderArgs, picture: &SplatPicture, splats: u64, seconds: f64) -> Value {
+    let output = args.output.display().to_string();
+    json!({ "output": output, "size": picture.size, "splats": splats, "drawn": picture.drawn, "seconds": seconds })
 }
 
 fn of_file(args: &RenderArgs, bars: &dyn Progress) -> Result<Part, Failure> {

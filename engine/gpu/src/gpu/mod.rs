@@ -7,6 +7,7 @@ mod batch;
 mod failure;
 mod info;
 mod ray_scene;
+mod splat_batch;
 mod sum_batch;
 
 #[cfg(not(feature = "vulkan"))]
@@ -22,4 +23,5 @@ pub use batch::{BatchInput, BatchOutput, DeviceSettings, Seconds};
 pub use failure::{DeviceFailure, DeviceUnavailable, InjectedFailure, Stage, WrongAnswer};
 pub use info::{DeviceInfo, DeviceKind, may_be_there};
 pub use ray_scene::{RayScene, RoundEnd};
+pub use splat_batch::{SplatBatch, SplatCapacity};
 pub use sum_batch::{SumCapacity, SumInput};

@@ -3,9 +3,13 @@
 use crate::lattice::{cross, dot, unit};
 use crate::render::{CutPlane, Screen};
 
+/// Columns and rows of a tile, as powers of two.
+pub(super) type TileBits = [u32; 2];
+
 /// Pixels of a tile: few enough to stay in the first cache with what they hold.
-pub(super) const TILE_COLUMNS: usize = 64;
-pub(super) const TILE_ROWS: usize = 16;
+pub(super) const TILE_BITS: TileBits = [6, 4];
+pub(super) const TILE_COLUMNS: usize = 1 << TILE_BITS[0];
+pub(super) const TILE_ROWS: usize = 1 << TILE_BITS[1];
 
 /// The picture. Coordinates are those around the middle of what is seen.
 pub(super) struct DrawFrame {
@@ -65,6 +69,16 @@ impl DrawFrame {
             shift,
             middle,
         }
+    }
+
+    /// The direction of the ray through a pixel.
+    #[inline]
+    pub fn along(&self, column: usize, row: usize) -> [f32; 3] {
+        if self.parallel {
+            return self.corner;
+        }
+        let (x, y) = (column as f32 + 0.5, row as f32 + 0.5);
+        std::array::from_fn(|a| self.corner[a] + self.steps[0][a] * x + self.steps[1][a] * y)
     }
 
     /// A place of the world.

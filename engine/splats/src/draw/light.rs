@@ -1,5 +1,6 @@
 //! What light makes of a normal.
 
+use crate::picture::Rgba;
 use crate::render::Lighting;
 
 /// Where the weaker lamp of `render` stands.
@@ -41,6 +42,15 @@ impl SplatLight {
         let half = unit(std::array::from_fn(|a| key[a] + axes[2][a]));
         let [ambient, strength, weak, gloss] = [ambient, strength, weak, gloss].map(|c| c as f32);
         SplatLight { ambient, strength, weak, gloss, key, fill, half }
+    }
+
+    /// The colour of a pixel, by the sum of the normals in it and its ray's direction.
+    #[inline]
+    pub fn pixel(&self, sum: [f32; 3], along: [f32; 3]) -> Rgba {
+        let normal = unit(sum);
+        let within = dot(normal, along) > 0.0;
+        let [r, g, b] = self.colour(if within { normal.map(|c| -c) } else { normal }, within);
+        [r, g, b, 255]
     }
 
     /// The colour of a surface with a normal, which faces the eye or is seen from within.

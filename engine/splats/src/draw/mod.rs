@@ -1,4 +1,4 @@
-//! Pictures of splats on the processor.
+//! Pictures of splats, on the processor or a device.
 //!
 //! Three passes (Botsch 2004; Zwicker 2004): the nearest splat of each pixel, the mean normal of all splats that lie with it, light. A pixel's ray
 //! is cut with each splat's plane, so perspective is exact. A splat is what its plane shares with its disc, with its cell and a
@@ -10,9 +10,11 @@
 //! | `frame` | the picture's rays and axes |
 //! | `place` | pixels that splats may touch, sorted by tile |
 //! | `raster` | tiles: coverage, the nearest, the mean |
+//! | `device` | the same on a device |
 //! | `light` | colours |
 //! | `fill` | pixels that splats leave empty among them |
 
+mod device;
 mod fill;
 mod frame;
 mod light;
@@ -24,12 +26,13 @@ use crate::error::{Error, Result};
 use crate::picture::{Rgba, SIDE_MAX, mean, write_png};
 use crate::progress::Progress;
 use crate::render::{CutPlane, Focus, SUPERSAMPLE_MAX, View};
-use frame::DrawFrame;
+use frame::{DrawFrame, TILE_BITS, TileBits};
 use place::PlacedSplats;
 use rayon::prelude::*;
 use scene::SceneNode;
 use std::path::Path;
 
+pub use device::draw_on;
 pub use scene::SplatScene;
 
 /// Splats that are placed in one piece, at least, where a level has so many.
@@ -68,19 +71,30 @@ pub struct SplatPicture {
     pub drawn: u64,
 }
 
-/// Draws splats.
+/// Draws splats on the processor.
 ///
 /// # Errors
 /// [`Error::Setting`] if nothing can be seen so; [`Error::Interrupted`].
 pub fn draw(scene: &SplatScene, options: &DrawOptions, progress: &dyn Progress) -> Result<SplatPicture> {
-    let factor = options.supersample.clamp(1, SUPERSAMPLE_MAX);
+    let frame = frame_of(options)?;
+    let placed = place(&frame, scene, TILE_BITS, progress)?;
+    let rays = raster::shade(&frame, &placed, options.view.axes(), options.background, progress)?;
+    Ok(finish(rays, &frame, &placed, options))
+}
+
+/// Rays along each side of a pixel.
+fn rays_of(options: &DrawOptions) -> u32 {
+    options.supersample.clamp(1, SUPERSAMPLE_MAX)
+}
+
+fn frame_of(options: &DrawOptions) -> Result<DrawFrame> {
     if options.size.iter().any(|side| !(1..=SIDE_MAX).contains(side)) {
         return Err(Error::setting(
             "a picture of no pixels, or of too many, cannot be drawn",
             "choose another size",
         ));
     }
-    let size = options.size.map(|side| side * factor);
+    let size = options.size.map(|side| side * rays_of(options));
     let is_long = size.iter().any(|side| *side > SIDE_RAYS_MAX);
     if is_long || u64::from(size[0]) * u64::from(size[1]) > RAYS_MAX {
         let what = format!("{} × {} rays are more than splats are drawn with", size[0], size[1]);
@@ -88,21 +102,40 @@ pub fn draw(scene: &SplatScene, options: &DrawOptions, progress: &dyn Progress) 
     }
     let corners = left_of(options);
     let screen = options.view.screen(options.focus, corners, size)?;
-    let frame = DrawFrame::new(&screen, size, corners, &options.cuts);
+    Ok(DrawFrame::new(&screen, size, corners, &options.cuts))
+}
+
+/// Places splats, for tiles of a size.
+fn place(
+    frame: &DrawFrame,
+    scene: &SplatScene,
+    bits: TileBits,
+    progress: &dyn Progress,
+) -> Result<Vec<PlacedSplats>> {
     let pieces = pieces(&scene.nodes);
     progress.phase("placing splats", Some(pieces.len() as u64), "pieces");
     let place = |nodes: &&[SceneNode]| {
         progress.check()?;
-        let placed = PlacedSplats::new(&frame, nodes);
+        let placed = PlacedSplats::new(frame, nodes, bits);
         progress.advance(1);
         Ok(placed)
     };
-    let placed = pieces.par_iter().map(place).collect::<Result<Vec<PlacedSplats>>>()?;
+    pieces.par_iter().map(place).collect()
+}
+
+/// A picture of rays' colours.
+fn finish(
+    mut rays: Vec<Rgba>,
+    frame: &DrawFrame,
+    placed: &[PlacedSplats],
+    options: &DrawOptions,
+) -> SplatPicture {
+    let width = frame.size[0] as usize;
+    fill::fill_holes(&mut rays, width, options.background);
+    let factor = rays_of(options) as usize;
+    let pixels = if factor == 1 { rays } else { averaged(&rays, width, factor) };
     let drawn = placed.iter().map(|placed| placed.splats.len() as u64).sum();
-    let mut rays = raster::shade(&frame, &placed, options.view.axes(), options.background, progress)?;
-    fill::fill_holes(&mut rays, size[0] as usize, options.background);
-    let pixels = if factor == 1 { rays } else { averaged(&rays, size[0] as usize, factor as usize) };
-    Ok(SplatPicture { size: options.size, pixels, drawn })
+    SplatPicture { size: options.size, pixels, drawn }
 }
 
 /// Nodes that follow each other and have cells of one size, in pieces that do not depend on threads.

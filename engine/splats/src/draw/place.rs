@@ -1,6 +1,6 @@
 //! Splats to the pixels that they may touch: eight at a time, sorted by tile.
 
-use super::frame::{DrawFrame, TILE_COLUMNS, TILE_ROWS};
+use super::frame::{DrawFrame, TILE_BITS, TileBits};
 use super::scene::{LANES, SceneNode};
 use crate::wide::{Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, level};
 
@@ -52,8 +52,8 @@ struct TileLists {
 }
 
 impl PlacedSplats {
-    /// Places the splats of nodes with cells of one size.
-    pub fn new(frame: &DrawFrame, nodes: &[SceneNode]) -> PlacedSplats {
+    /// Places the splats of nodes with cells of one size, for tiles of a size.
+    pub fn new(frame: &DrawFrame, nodes: &[SceneNode], bits: TileBits) -> PlacedSplats {
         let cell = nodes.first().map_or(1.0, |node| node.cell);
         let radius = HALF_DIAGONAL * cell;
         let reach = (CELL_REACH * cell) as f32;
@@ -69,7 +69,11 @@ impl PlacedSplats {
         for node in nodes {
             dispatch!(level(), simd => placed.add(simd, frame, node));
         }
-        placed.tiles = TileLists::new(&placed.splats);
+        placed.tiles = match bits {
+            // Known to the compiler it takes a twentieth less of a picture's time.
+            TILE_BITS => TileLists::new(&placed.splats, TILE_BITS),
+            others => TileLists::new(&placed.splats, others),
+        };
         placed
     }
 
@@ -77,6 +81,11 @@ impl PlacedSplats {
     #[inline]
     pub fn in_tile(&self, tile: [u32; 2]) -> &[u32] {
         self.tiles.of(tile)
+    }
+
+    /// Whether splats may touch a row of tiles.
+    pub fn is_in_row(&self, row: u32) -> bool {
+        row.wrapping_sub(self.tiles.first[1]) < self.tiles.count[1]
     }
 
     /// Places the splats of a node that are seen.
@@ -281,17 +290,18 @@ impl<S: Simd> SplatLanes<S> {
 
 /// First and last columns and rows of tiles that a splat may touch.
 #[inline(always)]
-fn tiles_of(splat: &PlacedSplat) -> [u32; 4] {
-    let [left, right] = splat.columns.map(|column| u32::from(column) / TILE_COLUMNS as u32);
-    let [top, bottom] = splat.rows.map(|row| u32::from(row) / TILE_ROWS as u32);
+fn tiles_of(splat: &PlacedSplat, bits: TileBits) -> [u32; 4] {
+    let [left, right] = splat.columns.map(|column| u32::from(column) >> bits[0]);
+    let [top, bottom] = splat.rows.map(|row| u32::from(row) >> bits[1]);
     [left, right, top, bottom]
 }
 
 impl TileLists {
-    fn new(splats: &[PlacedSplat]) -> TileLists {
+    #[inline(always)]
+    fn new(splats: &[PlacedSplat], bits: TileBits) -> TileLists {
         let (mut first, mut last) = ([u32::MAX; 2], [0; 2]);
         for splat in splats {
-            let [left, right, top, bottom] = tiles_of(splat);
+            let [left, right, top, bottom] = tiles_of(splat, bits);
             first = [first[0].min(left), first[1].min(top)];
             last = [last[0].max(right), last[1].max(bottom)];
         }
@@ -301,7 +311,7 @@ impl TileLists {
         let count = [last[0] - first[0] + 1, last[1] - first[1] + 1];
         let mut starts = vec![0u32; (count[0] * count[1]) as usize + 2];
         let tiles = |splat: &PlacedSplat, each: &mut dyn FnMut(usize)| {
-            let [left, right, top, bottom] = tiles_of(splat);
+            let [left, right, top, bottom] = tiles_of(splat, bits);
             for row in top..bottom + 1 {
                 let row = (row - first[1]) * count[0];
                 (left..right + 1).for_each(|column| each((row + column - first[0]) as usize));
@@ -309,7 +319,7 @@ impl TileLists {
         };
         // Most splats are in one tile.
         let only = |splat: &PlacedSplat| {
-            let [left, right, top, bottom] = tiles_of(splat);
+            let [left, right, top, bottom] = tiles_of(splat, bits);
             (left == right && top == bottom).then(|| ((top - first[1]) * count[0] + left - first[0]) as usize)
         };
         for splat in splats {

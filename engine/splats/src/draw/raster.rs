@@ -1,7 +1,7 @@
 //! Splats to pixels, tile by tile: the parts of splats that lie before or with the nearest, then their mean.
 
 use super::frame::{DrawFrame, TILE_COLUMNS, TILE_ROWS};
-use super::light::{SplatLight, dot, unit};
+use super::light::{SplatLight, dot};
 use super::place::{PlacedSplat, PlacedSplats};
 use crate::error::Result;
 use crate::picture::Rgba;
@@ -201,17 +201,8 @@ impl DrawTile<'_> {
                 if self.depth[n] == f32::INFINITY {
                     continue;
                 }
-                let (x, y) = ((self.first[0] + column) as f32 + 0.5, (self.first[1] + row) as f32 + 0.5);
-                let along: [f32; 3] = match frame.parallel {
-                    true => frame.corner,
-                    false => std::array::from_fn(|a| {
-                        frame.corner[a] + frame.steps[0][a] * x + frame.steps[1][a] * y
-                    }),
-                };
-                let normal = unit(self.normals[n]);
-                let within = dot(normal, along) > 0.0;
-                let [r, g, b] = light.colour(if within { normal.map(|c| -c) } else { normal }, within);
-                *pixel = [r, g, b, 255];
+                let along = frame.along(self.first[0] + column, self.first[1] + row);
+                *pixel = light.pixel(self.normals[n], along);
             }
         }
     }

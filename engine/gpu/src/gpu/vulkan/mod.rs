@@ -21,6 +21,7 @@ mod rays;
 mod screen;
 mod sizes;
 mod slot;
+mod splats;
 mod sums;
 mod swapchain;
 
@@ -30,6 +31,7 @@ pub use instance::devices;
 pub use lane::DeviceLane;
 pub use present::{PresentOutcome, Presenter};
 pub use rays::{RayCaster, RayKernels};
+pub use splats::SplatDrawer;
 pub use sums::{SumLane, SumTree};
 
-use super::{batch, failure, info, ray_scene, sum_batch};
+use super::{batch, failure, info, ray_scene, splat_batch, sum_batch};
