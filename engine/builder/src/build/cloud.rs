@@ -25,7 +25,7 @@ impl PieceField for CloudBricks {
     type Piece = u32;
     type Corners = ();
     type Evaluator = CloudEvaluator;
-    type Evaluation<'a> = CloudBrick;
+    type Evaluation<'a> = CloudBrick<'a>;
 
     fn bounds(&self, piece: &u32) -> (Units, Units) {
         self.piece(*piece).bounds()
@@ -77,13 +77,13 @@ impl PieceField for CloudBricks {
         key: NodeKey,
         _: i16,
         list: PieceList<'a, u32>,
-    ) -> Result<CloudBrick> {
+    ) -> Result<CloudBrick<'a>> {
         let pieces = list.indices.iter().map(|&i| self.piece(list.array[i as usize]));
         CloudBricks::evaluate(self, evaluator, key, pieces)
     }
 }
 
-impl BrickEvaluation for CloudBrick {
+impl BrickEvaluation for CloudBrick<'_> {
     fn samples(&self) -> &Samples {
         CloudBrick::samples(self)
     }

@@ -10,7 +10,7 @@
 use super::super::open::{Cluster, ClusterTree, ConcurrentCache, LocalExpansion, MemorySize, local_bound};
 use super::dipole::Dipole;
 use super::far::{ClusterMoments, FarCluster, FarDipole, add_clusters, add_dipoles, moments_of};
-use super::near::{NearPoints, SampleRegion};
+use super::near::{NearPoints, SampleRegion, SampleWays};
 use crate::brick::POINTS;
 use crate::error::Result;
 use crate::large_array::LargeArray;
@@ -50,13 +50,16 @@ const BINS: usize = 128;
 /// log₂ of a cell's edge, and its number along each axis.
 type CubeId = (u32, [u32; 3]);
 
+/// What gets a final cell, the samples of a brick that it holds, and how far samples are from its middle.
+type CellVisit<'a> = dyn FnMut(&CloudCell, &SampleRegion, &SampleWays) + 'a;
+
 /// One cell.
 #[derive(Clone)]
-struct CloudCell {
+pub(super) struct CloudCell {
     /// The middle of the samples that it can hold.
     center: [f64; 3],
     /// What is far.
-    local: LocalExpansion,
+    pub local: LocalExpansion,
     /// Bound on the polynomial's error.
     spent: f64,
     /// What is not: clusters, or of a final cell points.
@@ -93,7 +96,7 @@ pub(super) struct CloudCells {
     moments: LargeArray<ClusterMoments>,
     error: f64,
     /// log₂ of the distance of the finest samples.
-    spacing: u32,
+    pub spacing: u32,
 }
 
 impl MemorySize for Arc<CloudCell> {
@@ -126,20 +129,29 @@ impl CloudCells {
         near: &mut NearPoints,
         values: &mut [f64; POINTS],
     ) {
+        self.for_cells(tree, key, &mut |cell, samples, ways| {
+            samples.fill(&cell.local, ways, values);
+            if cell.gather(tree, self.spacing, near) {
+                near.add(samples, ways, values);
+            }
+        });
+    }
+
+    /// Calls `each` with every final cell that holds samples of a brick.
+    pub fn for_cells(&self, tree: &ClusterTree<Dipole>, key: NodeKey, each: &mut CellVisit<'_>) {
         let place = key.base().map(|b| b as u32 >> (ROOT_BITS - u32::from(key.level())));
         for octant in 0..8u32 {
             let id = (ROOT_BITS - u32::from(key.level()), [0, 1, 2].map(|a| place[a] + (octant >> a & 1)));
-            self.fill_cell(tree, id, key, near, values);
+            self.visit_cell(tree, id, key, each);
         }
     }
 
-    fn fill_cell(
+    fn visit_cell(
         &self,
         tree: &ClusterTree<Dipole>,
         (bits, place): CubeId,
         key: NodeKey,
-        near: &mut NearPoints,
-        values: &mut [f64; POINTS],
+        each: &mut CellVisit<'_>,
     ) {
         let (base, spacing) = (key.base(), key.spacing_bits());
         // Samples lie one unit above multiples of their spacing, so within a cell and never on its border.
@@ -156,20 +168,14 @@ impl CloudCells {
         if !cell.is_final {
             for octant in 0..8u32 {
                 let id = (bits - 1, [0, 1, 2].map(|a| 2 * place[a] + (octant >> a & 1)));
-                self.fill_cell(tree, id, key, near, values);
+                self.visit_cell(tree, id, key, each);
             }
             return;
         }
-        let ways: [[f64; BRICK_POINTS]; 3] = [0, 1, 2].map(|a| {
+        let ways: SampleWays = [0, 1, 2].map(|a| {
             std::array::from_fn(|i| f64::from(base[a] + ((i as i32) << spacing) + 1) - cell.center[a])
         });
-        let samples = SampleRegion { from, to };
-        samples.fill(&cell.local, &ways, values);
-        if !cell.near.is_empty() {
-            let dipoles = cell.near.iter().map(|&e| &tree.elements()[e as usize]);
-            near.gather(dipoles, cell.center, self.spacing);
-            near.add(&samples, &ways, values);
-        }
+        each(&cell, &SampleRegion { from, to }, &ways);
     }
 
     /// A cell, or the final one that holds it.
@@ -248,6 +254,12 @@ impl FarCandidate {
 }
 
 impl CloudCell {
+    /// Takes what is near a final cell in place of other points, in units of a distance of 2^spacing; whether there is any.
+    pub fn gather(&self, tree: &ClusterTree<Dipole>, spacing: u32, near: &mut NearPoints) -> bool {
+        near.gather(self.near.iter().map(|&e| &tree.elements()[e as usize]), self.center, spacing);
+        !self.near.is_empty()
+    }
+
     /// Adds clusters to the polynomial that are far enough from all samples within `radius`, with an error of at most
     /// `budget` together. Larger ones are divided.
     fn absorb(

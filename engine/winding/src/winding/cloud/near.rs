@@ -11,9 +11,15 @@ use crate::wide::{Bytes, Select, Simd, SimdBase, dispatch, f32x8, f64x8, level, 
 /// Samples along a row of a brick.
 const P: usize = BRICK_POINTS;
 /// Samples at a time.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 8;
 /// Points whose sum has 32 bits: longer sums would lose more than their terms.
 const SUMMED: usize = 32;
+
+/// By axis, how far the samples of a row are from the middle of a cell.
+pub(super) type SampleWays = [[f64; P]; 3];
+
+/// Sums at eight places, and by axis how fast they grow there.
+pub(super) type SumsWithSlopes = ([f64; LANES], [[f64; LANES]; 3]);
 
 /// A box of a brick's samples: the first along each axis, and the first beyond.
 pub(super) struct SampleRegion {
@@ -41,13 +47,18 @@ pub(super) struct NearPoints {
 }
 
 impl SampleRegion {
+    /// Whether it holds a sample.
+    pub fn holds(&self, sample: [usize; 3]) -> bool {
+        (0..3).all(|a| (self.from[a]..self.to[a]).contains(&sample[a]))
+    }
+
     /// Sets all samples to the values of a polynomial; `ways` tell how far samples are from its centre.
-    pub fn fill(&self, local: &LocalExpansion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+    pub fn fill(&self, local: &LocalExpansion, ways: &SampleWays, values: &mut [f64; POINTS]) {
         dispatch!(level(), _simd => self.fill_with(local, ways, values));
     }
 
     #[inline(always)]
-    fn fill_with(&self, local: &LocalExpansion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+    fn fill_with(&self, local: &LocalExpansion, ways: &SampleWays, values: &mut [f64; POINTS]) {
         let SampleRegion { from, to } = *self;
         let of_box: [&[f64]; 3] = std::array::from_fn(|axis| &ways[axis][from[axis]..to[axis]]);
         local.at_grid(
@@ -77,7 +88,7 @@ impl NearPoints {
     }
 
     /// Adds what the points give at some samples.
-    pub fn add(&self, samples: &SampleRegion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+    pub fn add(&self, samples: &SampleRegion, ways: &SampleWays, values: &mut [f64; POINTS]) {
         dispatch!(level(), simd => self.add_with(simd, samples, ways, values));
     }
 
@@ -86,7 +97,7 @@ impl NearPoints {
         &self,
         simd: S,
         samples: &SampleRegion,
-        ways: &[[f64; P]; 3],
+        ways: &SampleWays,
         values: &mut [f64; POINTS],
     ) {
         let SampleRegion { from, to } = *samples;
@@ -113,6 +124,50 @@ impl NearPoints {
             let sums = self.seen_from(simd, &at);
             places[..count].iter().zip(sums).for_each(|(&place, sum)| values[place] += sum);
         }
+    }
+
+    /// What the points give at eight places, by axis how far they are from the cell's middle.
+    pub fn with_slopes(&self, at: &[[f64; LANES]; 3]) -> SumsWithSlopes {
+        let at = at.map(|row| row.map(|c| (c * self.scale) as f32));
+        let (sums, slopes) = dispatch!(level(), simd => self.slopes_from(simd, &at));
+        (sums, slopes.map(|row| row.map(|slope| slope * self.scale)))
+    }
+
+    #[inline(always)]
+    fn slopes_from<S: Simd>(&self, simd: S, at: &[[f32; LANES]; 3]) -> SumsWithSlopes {
+        let [x, y, z] = [
+            f32x8::from_slice(simd, &at[0]),
+            f32x8::from_slice(simd, &at[1]),
+            f32x8::from_slice(simd, &at[2]),
+        ];
+        let mut sums = [f64x8::splat(simd, 0.0); 4];
+        for points in self.points.chunks(SUMMED) {
+            let mut sum = [f32x8::splat(simd, 0.0); 4];
+            for point in points {
+                let dx = f32x8::splat(simd, point.position[0]) - x;
+                let dy = f32x8::splat(simd, point.position[1]) - y;
+                let dz = f32x8::splat(simd, point.position[2]) - z;
+                let squared = dx * dx + (dy * dy + dz * dz);
+                let along = dx * point.area[0] + (dy * point.area[1] + dz * point.area[2]);
+                let inverse = inverse_root(simd, squared);
+                let is_within = squared.simd_lt(f32x8::splat(simd, point.ball));
+                let beyond = inverse * inverse * inverse;
+                let within = f32x8::splat(simd, point.within[0]) - squared * point.within[1];
+                let factor = is_within.select(within, beyond);
+                // Twice the derivative of the factor by the squared distance.
+                let within = f32x8::splat(simd, -2.0 * point.within[1]);
+                let change = is_within.select(within, beyond * inverse * inverse * -3.0) * along;
+                sum[0] += along * factor;
+                sum[1] -= factor * point.area[0] + change * dx;
+                sum[2] -= factor * point.area[1] + change * dy;
+                sum[3] -= factor * point.area[2] + change * dz;
+            }
+            for number in 0..4 {
+                sums[number] += widened(simd, sum[number]);
+            }
+        }
+        let [sum, x, y, z] = sums;
+        (sum.into(), [x.into(), y.into(), z.into()])
     }
 
     #[inline(always)]
