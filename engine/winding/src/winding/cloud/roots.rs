@@ -1,7 +1,7 @@
 //! Where the sum over all dipoles passes 0.5 on the edges of a brick's lattice.
 //!
 //! Between samples that are about as far apart as points, w rises within a cell, and no curve through the samples tells
-//! where it passes 0.5. So the sum itself is asked: two steps of Newton's from the straight line between the samples. An
+//! where it passes 0.5. So the sum itself is asked: some steps of Newton's from the straight line between the samples. An
 //! edge belongs to the cell of the sample that this line's root is nearer to, so that all bricks find the same.
 
 use super::super::open::ClusterTree;
@@ -14,6 +14,11 @@ use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
 /// Samples along a row.
 const P: usize = BRICK_POINTS;
 
+/// Steps at most. Where samples are at most as far apart as points, two are nearly always enough.
+const STEPS_MAX: usize = 8;
+/// From what the sum is here off 0.5 the next step is the last one.
+const NEAR_ROOT: f64 = 1e-3;
+
 /// A lattice edge on which the sum passes 0.5, and the part of it where it does.
 #[derive(Clone, Copy)]
 struct RootEdge {
@@ -24,8 +29,9 @@ struct RootEdge {
     range: [f64; 2],
     /// What the sum is there above 0.5. One is negative, and the other is not.
     values: [f64; 2],
-    /// The next place to ask.
+    /// The next place to ask, or where the root is.
     at: f64,
+    is_found: bool,
     /// How fast the sum grows at the last place asked.
     slope: [f64; 3],
 }
@@ -55,7 +61,7 @@ pub(super) fn hermite_of(
         cell.gather(tree, cells.spacing, near);
         for some in edges.chunks_mut(LANES) {
             let spacing = f64::from(1u32 << key.spacing_bits());
-            (0..2).for_each(|_| approach(some, (cell, near), ways, spacing));
+            (0..STEPS_MAX).for_each(|_| approach(some, (cell, near), ways, spacing));
             for edge in some {
                 let rank = signs.rank(edge.axis, edge.lower, &ranks[edge.axis.index()]);
                 hermite.edges[edge.axis.index()][rank] = edge.crossing();
@@ -91,8 +97,13 @@ fn collect(
     }
 }
 
-/// Asks the sum where the roots of up to eight edges are thought to be.
-fn approach(edges: &mut [RootEdge], (cell, near): (&CloudCell, &NearPoints), ways: &SampleWays, spacing: f64) {
+/// Asks the sum where the roots of some edges are thought to be.
+fn approach(
+    edges: &mut [RootEdge],
+    (cell, near): (&CloudCell, &NearPoints),
+    ways: &SampleWays,
+    spacing: f64,
+) {
     let mut at = [[0.0; LANES]; 3];
     for (lane, edge) in edges.iter().enumerate() {
         for axis in 0..3 {
@@ -101,7 +112,7 @@ fn approach(edges: &mut [RootEdge], (cell, near): (&CloudCell, &NearPoints), way
         }
     }
     let (sums, slopes) = near.with_slopes(&at);
-    for (lane, edge) in edges.iter_mut().enumerate() {
+    for (lane, edge) in edges.iter_mut().enumerate().filter(|(_, edge)| !edge.is_found) {
         let (far, slope) = cell.local.with_slope([0, 1, 2].map(|a| at[a][lane]));
         edge.slope = [0, 1, 2].map(|a| slope[a] + slopes[a][lane]);
         edge.narrow(far + sums[lane] - 0.5, edge.slope[edge.axis.index()] * spacing);
@@ -114,7 +125,8 @@ impl RootEdge {
         let upper = index + [1, P, P * P][axis.index()];
         let quantum = 1.0 / f64::from(1u32 << samples.1);
         let values = [index, upper].map(|i| f64::from(samples.0[i]) * quantum - 0.5);
-        let mut edge = RootEdge { axis, lower, range: [0.0, 1.0], values, at: 0.0, slope: [0.0; 3] };
+        let mut edge =
+            RootEdge { axis, lower, range: [0.0, 1.0], values, at: 0.0, is_found: false, slope: [0.0; 3] };
         edge.at = edge.straight_root();
         edge
     }
@@ -138,6 +150,7 @@ impl RootEdge {
         let newton = self.at - value / growth;
         let is_sound = self.range[0] <= newton && newton <= self.range[1];
         self.at = if is_sound { newton } else { self.straight_root() };
+        self.is_found = is_sound && value.abs() <= NEAR_ROOT;
     }
 
     fn crossing(&self) -> HermiteEdge {
