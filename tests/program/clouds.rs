@@ -162,7 +162,7 @@ fn every_command_answers_and_bytes_do_not_depend_on_threads() {
     run(&[&"mesh", &store, &"-o", &mesh, &"--iso", &"1.5", &"--quiet"]).ok();
     assert_eq!(mesh::check_file(&mesh).unwrap().triangles, 0);
     let array = dir.path("w.npy");
-    run(&[&"export", &store, &"--level", &"1", &"--dtype", &"f4", &"-o", &array, &"--quiet"]).ok();
+    run(&[&"export", &store, &"--level", &"0", &"--dtype", &"f4", &"-o", &array, &"--quiet"]).ok();
     let shown = run(&[&"build", &a, &"-o", &store]).ok();
     assert!(shown.contains("  points   500 (0 without area), ") && shown.contains(" mm apart\n"), "{shown}");
     // By depth and by cell, and with the field facing inward.
