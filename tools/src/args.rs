@@ -84,7 +84,7 @@ text have names, or are understood by their numbers. E57 is read in mm; LAS says
 Clouds need normals, or --estimate-normals. Every point counts as a dipole with the area that its nearest neighbours leave \
 it, spread over a small ball. Beside meshes their winding numbers add up.
 
-Without --depth and --cell the cells are about half as large as the points are apart.
+Without --depth and --cell the cells are at most as large as the points are apart, beside meshes about half as large.
 
 A volume keeps its own lattice, so its steps are the cells. Arrays are indexed [z, y, x], and a .json beside them tells `origin`, `spacing` and `unit`, as `export` writes it. MetaImage tells that itself.
 

@@ -5,7 +5,7 @@
 
 pub use fearless_simd::{
     Bytes, Select, Simd, SimdBase, SimdFloat, SimdFrom, SimdMask, SimdSplit, dispatch, f32x4, f32x8, f32x16,
-    f64x4, f64x8, i16x16, i32x4, mask64x4, mask64x8, u32x8, u64x4,
+    f64x4, f64x8, i16x16, i32x4, mask64x4, mask64x8, u32x8, u32x16, u64x4,
 };
 
 use fearless_simd::Level;

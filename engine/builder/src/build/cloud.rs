@@ -25,7 +25,7 @@ impl PieceField for CloudBricks {
     type Piece = u32;
     type Corners = ();
     type Evaluator = CloudEvaluator;
-    type Evaluation<'a> = CloudBrick;
+    type Evaluation<'a> = CloudBrick<'a>;
 
     fn bounds(&self, piece: &u32) -> (Units, Units) {
         self.piece(*piece).bounds()
@@ -77,13 +77,13 @@ impl PieceField for CloudBricks {
         key: NodeKey,
         _: i16,
         list: PieceList<'a, u32>,
-    ) -> Result<CloudBrick> {
+    ) -> Result<CloudBrick<'a>> {
         let pieces = list.indices.iter().map(|&i| self.piece(list.array[i as usize]));
         CloudBricks::evaluate(self, evaluator, key, pieces)
     }
 }
 
-impl BrickEvaluation for CloudBrick {
+impl BrickEvaluation for CloudBrick<'_> {
     fn samples(&self) -> &Samples {
         CloudBrick::samples(self)
     }
@@ -182,8 +182,8 @@ impl BuildSource for CloudSource {
     }
 }
 
-/// The root cube and the deepest level: if none is asked for, the one whose cells are nearest to half the spacing.
-/// Finer cells would show how single points are spread, coarser ones less than the points tell.
+/// The root cube and the deepest level: if none is asked for, the first whose cells are no larger than points are apart.
+/// Finer cells would show how single points are spread: crossings are roots of the sum, however far apart samples are.
 pub(super) fn place_cloud(
     surfels: &Surfels,
     first: Option<&Path>,
@@ -197,11 +197,9 @@ pub(super) fn place_cloud(
     Ok((root, depth_of_spacing(root, surfels.spacing)))
 }
 
-/// The depth whose cells are nearest to half a spacing.
-pub(super) fn depth_of_spacing(root: RootCube, spacing: f64) -> u8 {
-    // Nearest as a ratio: a cell of twice the next level's is as far off as one of that.
-    let is_fine = |level: &u8| 2.0 * root.spacing(*level) <= std::f64::consts::SQRT_2 * spacing;
-    (0..MAX_LEVEL).find(is_fine).unwrap_or(MAX_LEVEL)
+/// The depth from which on cells are no larger than a spacing.
+fn depth_of_spacing(root: RootCube, spacing: f64) -> u8 {
+    (0..MAX_LEVEL).find(|level| root.spacing(*level) <= spacing).unwrap_or(MAX_LEVEL)
 }
 
 /// The cells of a build without --depth and --cell: their size, and the level that has them.

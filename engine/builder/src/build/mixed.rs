@@ -1,7 +1,6 @@
 //! The main job from meshes and point clouds together: their winding numbers add up.
 
 use super::clock::Clock;
-use super::cloud::depth_of_spacing;
 use super::cloud_inputs::CloudInputs;
 use super::cost::{weigh_pieces, weigh_soup};
 use super::forecast::{ForecastInput, foresee};
@@ -18,7 +17,7 @@ use super::summary::{BuildSummary, InputSummary};
 use super::task::Task;
 use crate::error::{Error, Result};
 use crate::ingest::{CloudInput, Facets, Input, Survey};
-use crate::lattice::{RootCube, Triangle};
+use crate::lattice::{MAX_LEVEL, RootCube, Triangle};
 use crate::progress::Progress;
 use crate::store::Source;
 use crate::winding::{CloudPiece, MixedField, OpenPart, OpenSummary, Surfels};
@@ -72,8 +71,8 @@ impl SortedInputs {
 }
 
 impl MixedPlace {
-    /// The root cube around all, and the deepest level: if none is asked for, the deeper one of what meshes and what the
-    /// clouds get alone.
+    /// The root cube around all, and the deepest level: if none is asked for, the deeper one of what meshes get alone, and
+    /// of that whose cells are about half as large as points are apart.
     pub fn of(
         surveys: &[Survey],
         surfels: &Surfels,
@@ -91,6 +90,14 @@ impl MixedPlace {
         };
         Ok(MixedPlace { bounds: around(of_meshes, surfels.points), root, depth })
     }
+}
+
+/// The depth whose cells are nearest to half a spacing. Crossings beside meshes come from the samples, which tell them no
+/// nearer in larger cells.
+fn depth_of_spacing(root: RootCube, spacing: f64) -> u8 {
+    // Nearest as a ratio: a cell of twice the next level's is as far off as one of that.
+    let is_fine = |level: &u8| 2.0 * root.spacing(*level) <= std::f64::consts::SQRT_2 * spacing;
+    (0..MAX_LEVEL).find(is_fine).unwrap_or(MAX_LEVEL)
 }
 
 /// The box around two.

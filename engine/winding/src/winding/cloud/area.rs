@@ -9,12 +9,14 @@ use crate::lattice::dot;
 pub(super) fn cell_area(normal: [f64; 3], around: impl Iterator<Item = [f64; 3]>, reach: f64) -> f64 {
     let (u, v) = plane_axes(normal);
     let mut cell = vec![[-reach, -reach], [reach, -reach], [reach, reach], [-reach, reach]];
+    let mut kept = Vec::with_capacity(16);
     for way in around {
         let seen = [dot(way, u), dot(way, v)];
         let half = 0.5 * (seen[0] * seen[0] + seen[1] * seen[1]);
         // Right above or below: no direction to divide along.
         if half > 0.0 {
-            cut(&mut cell, seen, half);
+            cut(&cell, &mut kept, seen, half);
+            std::mem::swap(&mut cell, &mut kept);
         }
     }
     let corners = cell.iter().zip(cell.iter().cycle().skip(1));
@@ -34,9 +36,9 @@ fn plane_axes(n: [f64; 3]) -> ([f64; 3], [f64; 3]) {
 }
 
 /// Keeps the part of a convex polygon where x·direction ≤ limit.
-fn cut(polygon: &mut Vec<[f64; 2]>, direction: [f64; 2], limit: f64) {
+fn cut(polygon: &[[f64; 2]], kept: &mut Vec<[f64; 2]>, direction: [f64; 2], limit: f64) {
     let beyond = |p: [f64; 2]| p[0] * direction[0] + p[1] * direction[1] - limit;
-    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    kept.clear();
     for (i, &p) in polygon.iter().enumerate() {
         let q = polygon[(i + 1) % polygon.len()];
         let (a, b) = (beyond(p), beyond(q));
@@ -48,7 +50,6 @@ fn cut(polygon: &mut Vec<[f64; 2]>, direction: [f64; 2], limit: f64) {
             kept.push([p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])]);
         }
     }
-    *polygon = kept;
 }
 
 #[cfg(test)]

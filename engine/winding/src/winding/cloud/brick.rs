@@ -3,6 +3,7 @@
 use super::super::open::{OpenBrick, Shares, binary_places, fixed_point, least_bits};
 use super::cells::CloudCells;
 use super::near::NearPoints;
+use super::roots::hermite_of;
 use super::{CloudField, Surfels};
 use crate::brick::{Brick, POINTS, Samples};
 use crate::error::Result;
@@ -21,8 +22,10 @@ const SINGLE_ERROR: f64 = 1e-2;
 #[derive(Debug)]
 pub struct CloudBricks {
     field: CloudField,
-    /// For errors that allow sums in 32 bits.
-    cells: Option<CloudCells>,
+    /// Of sums in 32 bits.
+    cells: CloudCells,
+    /// Whether the error allows these in samples; where the surface passes between samples they do.
+    is_single: bool,
     bits: u8,
     error: f64,
     least: u32,
@@ -46,9 +49,12 @@ pub struct CloudEvaluator {
 }
 
 /// The samples of one brick.
-pub struct CloudBrick {
+pub struct CloudBrick<'a> {
     smooth: OpenBrick,
     has_details: bool,
+    key: NodeKey,
+    bricks: &'a CloudBricks,
+    near: &'a mut NearPoints,
 }
 
 impl CloudBricks {
@@ -61,9 +67,9 @@ impl CloudBricks {
         let (bits, least) = (binary_places(error)?.max(BITS_MIN), least_bits(depth));
         let exact = error - 0.5 / f64::from(1u32 << bits);
         let field = CloudField::of_all(surfels, root)?;
-        let cells =
-            (error >= SINGLE_ERROR).then(|| CloudCells::new(&field.tree, exact, depth)).transpose()?;
-        Ok(CloudBricks { field, cells, bits, error, least })
+        let is_single = error >= SINGLE_ERROR;
+        let cells = CloudCells::new(&field.tree, if is_single { exact } else { SINGLE_ERROR }, depth)?;
+        Ok(CloudBricks { field, cells, is_single, bits, error, least })
     }
 
     /// The numbers of all points.
@@ -88,15 +94,16 @@ impl CloudBricks {
     ///
     /// # Errors
     /// [`crate::error::Error::Setting`] if a winding number does not fit 16 bits.
-    pub fn evaluate(
-        &self,
-        scratch: &mut CloudEvaluator,
+    pub fn evaluate<'a>(
+        &'a self,
+        scratch: &'a mut CloudEvaluator,
         key: NodeKey,
         mut pieces: impl Iterator<Item = CloudPiece>,
-    ) -> Result<CloudBrick> {
+    ) -> Result<CloudBrick<'a>> {
         let samples = fixed_point(key, self.bits, self.sums(scratch, key).iter().copied())?;
         let has_details = pieces.any(|piece| !piece.is_seen_by(key));
-        Ok(CloudBrick { smooth: OpenBrick::smooth(samples, key, self.error), has_details })
+        let smooth = OpenBrick::smooth(samples, key, self.error);
+        Ok(CloudBrick { smooth, has_details, key, bricks: self, near: &mut scratch.near })
     }
 
     /// The sums over all dipoles at the samples of a brick: rounded to the binary places, they are off by at most the error.
@@ -106,17 +113,13 @@ impl CloudBricks {
         key: NodeKey,
     ) -> &'a [f64; POINTS] {
         let CloudEvaluator { shares, near, values } = scratch;
-        match &self.cells {
-            Some(cells) => {
-                let values = values.get_or_insert_with(|| Box::new([0.0; POINTS]));
-                cells.fill(&self.field.tree, key, near, values);
-                values
-            }
-            None => {
-                shares.find(&self.field.tree, (self.error, self.bits, self.least), key);
-                shares.values()
-            }
+        if !self.is_single {
+            shares.find(&self.field.tree, (self.error, self.bits, self.least), key);
+            return shares.values();
         }
+        let values = values.get_or_insert_with(|| Box::new([0.0; POINTS]));
+        self.cells.fill(&self.field.tree, key, near, values);
+        values
     }
 
     /// Binary places of all samples.
@@ -149,7 +152,7 @@ impl CloudPiece {
     }
 }
 
-impl CloudBrick {
+impl CloudBrick<'_> {
     /// The samples, with binary places.
     pub fn samples(&self) -> &Samples {
         &self.smooth.samples
@@ -170,10 +173,11 @@ impl CloudBrick {
         self.smooth.is_straight()
     }
 
-    /// The leaf's brick with its Hermite edges: where the field between two samples, taken to be linear, passes 0.5,
-    /// with the normal −∇w from differences of samples.
+    /// The leaf's brick with its Hermite edges: where the sum passes 0.5, with the normal −∇w.
     pub fn into_leaf(self) -> Brick {
-        self.smooth.into_leaf()
+        let CloudBrick { smooth, key, bricks, near, .. } = self;
+        let hermite = hermite_of((&bricks.cells, &bricks.field.tree), key, &smooth.samples, near);
+        smooth.into_leaf_with(hermite)
     }
 }
 

@@ -10,7 +10,7 @@
 use super::super::open::{Cluster, ClusterTree, ConcurrentCache, LocalExpansion, MemorySize, local_bound};
 use super::dipole::Dipole;
 use super::far::{ClusterMoments, FarCluster, FarDipole, add_clusters, add_dipoles, moments_of};
-use super::near::{NearPoints, SampleRegion};
+use super::near::{NearPoints, SampleRegion, SampleWays};
 use crate::brick::POINTS;
 use crate::error::Result;
 use crate::large_array::LargeArray;
@@ -21,10 +21,10 @@ use std::sync::Arc;
 /// log₂ of the edge of the cell that holds all samples, those of aprons too.
 const TOP_BITS: u32 = ROOT_BITS + 1;
 /// Points near a cell up to which they are looked at one by one. This and the next numbers were tuned on 100,000 points of a
-/// torus, where a cell of 8³ samples has about a hundred points left.
-const NEAR_MAX: u32 = 1000;
-/// Points up to which a cell leaves them to its samples.
-const SEEN_MAX: usize = 150;
+/// torus, where a cell of 8³ samples has some five hundred points left.
+const NEAR_MAX: u32 = 2000;
+/// Pairs of a point and one of a cell's samples up to which the cell leaves points to its samples.
+const SEEN_MAX: u64 = 300_000;
 /// Bytes of cells that are kept.
 const KEPT_BYTES: usize = 48 << 20;
 /// Share of what is left of the error that the clusters which one cell takes may add.
@@ -46,17 +46,22 @@ const LOWERED: f64 = 0.6;
 const ROUNDING_SHARE: f64 = 0.02;
 /// Classes of points by how near they are to a cell.
 const BINS: usize = 128;
+/// In place of a class: of points that no polynomial takes.
+const TOO_NEAR: u8 = u8::MAX;
 
 /// log₂ of a cell's edge, and its number along each axis.
 type CubeId = (u32, [u32; 3]);
 
+/// What gets a final cell, the samples of a brick that it holds, and how far samples are from its middle.
+type CellVisit<'a> = dyn FnMut(&CloudCell, &SampleRegion, &SampleWays) + 'a;
+
 /// One cell.
 #[derive(Clone)]
-struct CloudCell {
+pub(super) struct CloudCell {
     /// The middle of the samples that it can hold.
     center: [f64; 3],
     /// What is far.
-    local: LocalExpansion,
+    pub local: LocalExpansion,
     /// Bound on the polynomial's error.
     spent: f64,
     /// What is not: clusters, or of a final cell points.
@@ -93,7 +98,7 @@ pub(super) struct CloudCells {
     moments: LargeArray<ClusterMoments>,
     error: f64,
     /// log₂ of the distance of the finest samples.
-    spacing: u32,
+    pub spacing: u32,
 }
 
 impl MemorySize for Arc<CloudCell> {
@@ -126,20 +131,29 @@ impl CloudCells {
         near: &mut NearPoints,
         values: &mut [f64; POINTS],
     ) {
+        self.for_cells(tree, key, &mut |cell, samples, ways| {
+            samples.fill(&cell.local, ways, values);
+            if cell.gather(tree, self.spacing, near) {
+                near.add(samples, ways, values);
+            }
+        });
+    }
+
+    /// Calls `each` with every final cell that holds samples of a brick.
+    pub fn for_cells(&self, tree: &ClusterTree<Dipole>, key: NodeKey, each: &mut CellVisit<'_>) {
         let place = key.base().map(|b| b as u32 >> (ROOT_BITS - u32::from(key.level())));
         for octant in 0..8u32 {
             let id = (ROOT_BITS - u32::from(key.level()), [0, 1, 2].map(|a| place[a] + (octant >> a & 1)));
-            self.fill_cell(tree, id, key, near, values);
+            self.visit_cell(tree, id, key, each);
         }
     }
 
-    fn fill_cell(
+    fn visit_cell(
         &self,
         tree: &ClusterTree<Dipole>,
         (bits, place): CubeId,
         key: NodeKey,
-        near: &mut NearPoints,
-        values: &mut [f64; POINTS],
+        each: &mut CellVisit<'_>,
     ) {
         let (base, spacing) = (key.base(), key.spacing_bits());
         // Samples lie one unit above multiples of their spacing, so within a cell and never on its border.
@@ -156,20 +170,14 @@ impl CloudCells {
         if !cell.is_final {
             for octant in 0..8u32 {
                 let id = (bits - 1, [0, 1, 2].map(|a| 2 * place[a] + (octant >> a & 1)));
-                self.fill_cell(tree, id, key, near, values);
+                self.visit_cell(tree, id, key, each);
             }
             return;
         }
-        let ways: [[f64; BRICK_POINTS]; 3] = [0, 1, 2].map(|a| {
+        let ways: SampleWays = [0, 1, 2].map(|a| {
             std::array::from_fn(|i| f64::from(base[a] + ((i as i32) << spacing) + 1) - cell.center[a])
         });
-        let samples = SampleRegion { from, to };
-        samples.fill(&cell.local, &ways, values);
-        if !cell.near.is_empty() {
-            let dipoles = cell.near.iter().map(|&e| &tree.elements()[e as usize]);
-            near.gather(dipoles, cell.center, self.spacing);
-            near.add(&samples, &ways, values);
-        }
+        each(&cell, &SampleRegion { from, to }, &ways);
     }
 
     /// A cell, or the final one that holds it.
@@ -223,7 +231,9 @@ impl CloudCells {
             }
         }
         if cell.has_points {
-            cell.absorb_points(tree, radius, self.error, is_least);
+            let samples = 1u64.checked_shl(3 * (bits - self.spacing)).unwrap_or(u64::MAX);
+            let few = if is_least { usize::MAX } else { (SEEN_MAX / samples) as usize };
+            cell.absorb_points(tree, radius, self.error, few);
         }
         cell
     }
@@ -248,6 +258,12 @@ impl FarCandidate {
 }
 
 impl CloudCell {
+    /// Takes what is near a final cell in place of other points, in units of a distance of 2^spacing; whether there is any.
+    pub fn gather(&self, tree: &ClusterTree<Dipole>, spacing: u32, near: &mut NearPoints) -> bool {
+        near.gather(self.near.iter().map(|&e| &tree.elements()[e as usize]), self.center, spacing);
+        !self.near.is_empty()
+    }
+
     /// Adds clusters to the polynomial that are far enough from all samples within `radius`, with an error of at most
     /// `budget` together. Larger ones are divided.
     fn absorb(
@@ -303,53 +319,56 @@ impl CloudCell {
     }
 
     /// Adds points, which are all that is near, to the polynomial as far as a share of what is left of the error allows,
-    /// the farthest first. If all that is left of it would leave few points, that is spent, and the cell is final.
+    /// the farthest first. If all that is left of it would leave a `few` points or less, that is spent, and the cell is final.
     ///
     /// A dipole of area A at the distance r adds an error of at most A/(4π r²) e(t/r) within t of the centre, with
     /// e(q) = q⁶ (7 − 6q)/(1 − q)²: see [`local_bound`]. They are counted by classes of q², each with the bound of
     /// its largest.
-    fn absorb_points(&mut self, tree: &ClusterTree<Dipole>, radius: f64, error: f64, is_least: bool) {
+    fn absorb_points(&mut self, tree: &ClusterTree<Dipole>, radius: f64, error: f64, few: usize) {
         let mut classes = [PointClass::default(); BINS];
-        let scale = 1.0 / radius;
-        let see = |&number: &u32| {
-            let dipole = &tree.elements()[number as usize];
-            let way: [f64; 3] = dipole.way_from(self.center);
+        let center = self.center;
+        let way_to = |number: &u32| tree.elements()[*number as usize].way_from(center);
+        let class_of = |number: &u32| {
+            let dipole = &tree.elements()[*number as usize];
+            let way = way_to(number);
             let squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2];
             // The ball has to end before the samples begin.
             let apart = radius + dipole.radius();
-            let mut class = usize::MAX;
-            if apart * apart < squared {
-                class = (radius * radius / squared * BINS as f64) as usize;
-                classes[class].view += dipole.view() / squared;
-                classes[class].points += 1;
+            if apart * apart >= squared {
+                return TOO_NEAR;
             }
-            let far = FarDipole {
-                way: way.map(|c| (c * scale) as f32),
-                dipole: dipole.over_four_pi().map(|c| (c * scale * scale) as f32),
-            };
-            (class, far)
+            let class = (radius * radius / squared * BINS as f64) as usize;
+            classes[class].view += dipole.view() / squared;
+            classes[class].points += 1;
+            class as u8
         };
-        let points: Vec<(usize, FarDipole)> = self.near.iter().map(see).collect();
-        let (last, spent, is_few) = settle_classes(&classes, points.len(), error - self.spent, is_least);
-        let far: Vec<FarDipole> =
-            points.iter().filter(|(class, _)| *class < last).map(|(_, far)| *far).collect();
+        let of_each: Vec<u8> = self.near.iter().map(class_of).collect();
+        let (last, spent, is_final) = settle_classes(&classes, of_each.len(), error - self.spent, few);
+        let is_far = |class: u8| usize::from(class) < last;
+        let scale = 1.0 / radius;
+        let far_dipole = |number: &u32| FarDipole {
+            way: way_to(number).map(|c| (c * scale) as f32),
+            dipole: tree.elements()[*number as usize].over_four_pi().map(|c| (c * scale * scale) as f32),
+        };
+        let far = self.near.iter().zip(&of_each).filter(|(_, class)| is_far(**class));
+        let far: Vec<FarDipole> = far.map(|(number, _)| far_dipole(number)).collect();
         if !far.is_empty() {
             add_dipoles(&mut self.local, &far, radius);
         }
         self.spent += spent;
-        let mut classes = points.iter().map(|(class, _)| *class);
-        self.near.retain(|_| classes.next().is_some_and(|class| class >= last));
-        self.is_final = is_few || is_least;
+        let mut of_each = of_each.into_iter();
+        self.near.retain(|_| of_each.next().is_some_and(|class| !is_far(class)));
+        self.is_final = is_final;
     }
 }
 
-/// The first class that a cell does not take, the bounds of those before it, and whether it may take them all because few
-/// points are left then. Of all others it takes what a share of the `budget` allows.
+/// The first class that a cell does not take, the bounds of those before it, and whether the cell is final: it may take them
+/// all, because a `few` points or less are left then. Of all others it takes what a share of the `budget` allows.
 fn settle_classes(
     classes: &[PointClass; BINS],
     points: usize,
     budget: f64,
-    is_least: bool,
+    few: usize,
 ) -> (usize, f64, bool) {
     let (mut down, mut all) = ((0, 0.0), (0, 0.0));
     let mut left = points;
@@ -367,7 +386,7 @@ fn settle_classes(
             down = all;
         }
     }
-    let is_few = left <= SEEN_MAX;
-    let (last, spent) = if is_few || is_least { all } else { down };
-    (last, spent, is_few)
+    let is_final = left <= few;
+    let (last, spent) = if is_final { all } else { down };
+    (last, spent, is_final)
 }

@@ -4,12 +4,13 @@ use super::super::open::{Shares, least_bits};
 use super::cells::CloudCells;
 use super::near::NearPoints;
 use super::*;
-use crate::brick::POINTS;
-use crate::lattice::{BRICK_POINTS, NodeKey, ROOT_BITS, Units};
+use crate::brick::{Brick, POINTS, SignChanges};
+use crate::lattice::{Axis, BRICK_POINTS, NodeKey, ROOT_BITS, Units};
 use crate::progress::Silent;
 use crate::soup::PointCloud;
 use brickfield_bench_data::Rng;
 use brickfield_bench_data::inputs::torus_points;
+use std::collections::HashMap;
 use std::time::Instant;
 
 /// Points scattered over a torus with radii of 10 and 4, and its normals.
@@ -89,7 +90,7 @@ fn bricks_agree_on_samples_to_the_last_bit() {
     let field = field_of(&torus(4000, 5));
     let error = 0.02;
     let cells = CloudCells::new(&field.tree, error, 2).unwrap();
-    let mut known = std::collections::HashMap::new();
+    let mut known = HashMap::new();
     let mut filled = Filled::new();
     for level in [2, 0, 1] {
         for key in keys(level) {
@@ -102,6 +103,53 @@ fn bricks_agree_on_samples_to_the_last_bit() {
                 assert!(*known.entry(position(key, index)).or_insert(value) == value);
             }
         }
+    }
+}
+
+/// Between samples that are as far apart as points, and farther, crossings are where the whole sum passes 0.5, with its
+/// gradient. Bricks that share an edge agree.
+#[test]
+fn crossings_are_those_of_the_whole_sum() {
+    for (count, depth, error, most) in [(3000, 1, 0.05, 0.01), (3000, 2, 0.002, 0.01), (20_000, 1, 0.2, 0.05)]
+    {
+        let surfels = Surfels::of(torus(count, 6), &Silent).unwrap();
+        let (min, max) = surfels.bounds();
+        let root = RootCube::around(min, max).unwrap();
+        let field = CloudField::new(&surfels, root).unwrap();
+        let bricks = CloudBricks::new(surfels, root, error, depth).unwrap();
+        let sum = |p: Units| field.tree.exact_at(p);
+        let (mut known, mut all, mut worst, mut tilted) = (HashMap::new(), 0, 0.0f64, 0.0f64);
+        let mut scratch = CloudEvaluator::default();
+        for key in keys(depth) {
+            let leaf = bricks.evaluate(&mut scratch, key, std::iter::empty()).unwrap().into_leaf();
+            let Brick::Counts { samples, hermite } = &leaf else { continue };
+            let signs = SignChanges::of(samples);
+            assert_eq!(signs.counts(), [0, 1, 2].map(|axis| hermite.edges[axis].len()));
+            for axis in Axis::ALL {
+                signs.for_crossings(axis, hermite, |low, edge| {
+                    let from = position(key, (low[2] * BRICK_POINTS + low[1]) * BRICK_POINTS + low[0]);
+                    assert_eq!(*known.entry((axis.index(), from)).or_insert(edge), edge);
+                    all += 1;
+                    if all % 101 != 0 {
+                        return;
+                    }
+                    let mut at = from;
+                    at[axis.index()] += (edge.fraction() * f64::from(1u32 << key.spacing_bits())) as i32;
+                    worst = worst.max((sum(at) - 0.5).abs());
+                    let step = 1 << (key.spacing_bits() - 6);
+                    let slope = [0, 1, 2].map(|a| {
+                        let beside =
+                            |by: i32| sum(std::array::from_fn(|b| at[b] + if a == b { by } else { 0 }));
+                        beside(-step) - beside(step)
+                    });
+                    let length = slope.iter().map(|c| c * c).sum::<f64>().sqrt();
+                    let along = (0..3).map(|a| slope[a] * edge.normal.to_vector()[a]).sum::<f64>();
+                    tilted = tilted.max(1.0 - along / length);
+                });
+            }
+        }
+        println!("{count} points, depth {depth}, {error}: {worst:.1e} and {tilted:.1e} of {all}");
+        assert!(all > 2000 && worst < most && tilted < 0.01, "{worst} {tilted} of {all}");
     }
 }
 

@@ -1,7 +1,10 @@
 //! Dipoles and clusters far from a cell as its polynomial, as [`LocalExpansion`] adds them, but in 32 bits.
 
-use super::super::open::{COEFFICIENTS as C, Expansion, LANES, LocalExpansion, Translation};
-use crate::wide::{Simd, SimdBase, dispatch, f32x8, level, transposed};
+use super::super::open::{COEFFICIENTS as C, Expansion, LocalExpansion, Translation};
+use crate::wide::{Simd, SimdBase, dispatch, f32x8, f32x16, level, transposed};
+
+/// What is added at a time.
+const LANES: usize = 16;
 
 /// Moments of a cluster as [`Expansion::moments`] has them, and a 0.
 pub(super) type ClusterMoments = [f32; 16];
@@ -41,7 +44,7 @@ pub(super) fn add_clusters(local: &mut LocalExpansion, clusters: &[FarCluster<'_
 
 #[inline(always)]
 fn add_dipoles_with<S: Simd>(simd: S, local: &mut LocalExpansion, dipoles: &[FarDipole], radius: f64) {
-    let mut translation: Translation<S, f32x8<S>, _> = Translation::new(simd, |number| number as f32);
+    let mut translation: Translation<S, f32x16<S>, _> = Translation::new(simd, |number| number as f32);
     for some in dipoles.chunks(LANES) {
         let mut way = [[1.0f32; LANES]; 3];
         let mut moments = [[0.0f32; LANES]; 3];
@@ -60,7 +63,7 @@ fn add_clusters_with<S: Simd>(simd: S, local: &mut LocalExpansion, clusters: &[F
     let scale = (1.0 / radius) as f32;
     let squared = scale * scale;
     let by_degree = [squared, squared * scale, squared * squared];
-    let mut translation: Translation<S, f32x8<S>, _> = Translation::new(simd, |number| number as f32);
+    let mut translation: Translation<S, f32x16<S>, _> = Translation::new(simd, |number| number as f32);
     for some in clusters.chunks(LANES) {
         // Idle lanes have no moments.
         let mut way = [[1.0f32; LANES]; 3];
@@ -70,17 +73,19 @@ fn add_clusters_with<S: Simd>(simd: S, local: &mut LocalExpansion, clusters: &[F
             rows[lane] = far.moments;
         }
         let mut moments = [[0.0f32; LANES]; 15];
-        let mut first = [f32x8::splat(simd, 0.0); LANES];
-        let mut second = first;
-        for lane in 0..LANES {
-            first[lane] = f32x8::from_slice(simd, &rows[lane][..8]);
-            second[lane] = f32x8::from_slice(simd, &rows[lane][8..]);
-        }
-        let (first, second) = (transposed(first), transposed(second));
-        for number in 0..15 {
-            let column = if number < 8 { first[number] } else { second[number - 8] };
-            let degree = usize::from(number >= 3) + usize::from(number >= 8);
-            (column * by_degree[degree]).store_slice(&mut moments[number]);
+        for (rows, from) in rows.as_chunks::<8>().0.iter().zip([0, 8]) {
+            let mut first = [f32x8::splat(simd, 0.0); 8];
+            let mut second = first;
+            for lane in 0..8 {
+                first[lane] = f32x8::from_slice(simd, &rows[lane][..8]);
+                second[lane] = f32x8::from_slice(simd, &rows[lane][8..]);
+            }
+            let (first, second) = (transposed(first), transposed(second));
+            for number in 0..15 {
+                let column = if number < 8 { first[number] } else { second[number - 8] };
+                let degree = usize::from(number >= 3) + usize::from(number >= 8);
+                (column * by_degree[degree]).store_slice(&mut moments[number][from..from + 8]);
+            }
         }
         translation.add(simd, vectors_of(simd, &way), &moments);
     }
@@ -88,13 +93,13 @@ fn add_clusters_with<S: Simd>(simd: S, local: &mut LocalExpansion, clusters: &[F
 }
 
 #[inline(always)]
-fn vectors_of<S: Simd>(simd: S, way: &[[f32; LANES]; 3]) -> [f32x8<S>; 3] {
-    [f32x8::from_slice(simd, &way[0]), f32x8::from_slice(simd, &way[1]), f32x8::from_slice(simd, &way[2])]
+fn vectors_of<S: Simd>(simd: S, way: &[[f32; LANES]; 3]) -> [f32x16<S>; 3] {
+    [f32x16::from_slice(simd, &way[0]), f32x16::from_slice(simd, &way[1]), f32x16::from_slice(simd, &way[2])]
 }
 
 /// Adds what all lanes have found, in units of the cell's radius, to its polynomial.
 #[inline(always)]
-fn add_sums<S: Simd, N>(local: &mut LocalExpansion, translation: &Translation<S, f32x8<S>, N>, radius: f64) {
+fn add_sums<S: Simd, N>(local: &mut LocalExpansion, translation: &Translation<S, f32x16<S>, N>, radius: f64) {
     let scale = 1.0 / radius;
     let mut powers = [1.0; C];
     (1..C).for_each(|n| powers[n] = powers[n - 1] * scale);

@@ -10,6 +10,7 @@ mod far;
 mod near;
 mod nearest;
 mod normals;
+mod roots;
 mod surfels;
 #[cfg(test)]
 mod tests;

@@ -1,19 +1,25 @@
-//! Dipoles near some samples, seen from each of them: in vectors of eight samples, in 32 bits.
+//! Dipoles near some samples, seen from each of them: in vectors of sixteen samples, in 32 bits.
 //!
-//! A sample's sum has the same bits whatever seven it shares a vector with.
+//! A sample's sum has the same bits whatever fifteen it shares a vector with.
 
 use super::super::open::LocalExpansion;
 use super::dipole::Dipole;
 use crate::brick::POINTS;
 use crate::lattice::BRICK_POINTS;
-use crate::wide::{Bytes, Select, Simd, SimdBase, dispatch, f32x8, f64x8, level, u32x8, widened};
+use crate::wide::{Bytes, Select, Simd, SimdBase, dispatch, f32x16, level, u32x16};
 
 /// Samples along a row of a brick.
 const P: usize = BRICK_POINTS;
 /// Samples at a time.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 16;
 /// Points whose sum has 32 bits: longer sums would lose more than their terms.
 const SUMMED: usize = 32;
+
+/// By axis, how far the samples of a row are from the middle of a cell.
+pub(super) type SampleWays = [[f64; P]; 3];
+
+/// Sums at sixteen places, and by axis how fast they grow there.
+pub(super) type SumsWithSlopes = ([f64; LANES], [[f64; LANES]; 3]);
 
 /// A box of a brick's samples: the first along each axis, and the first beyond.
 pub(super) struct SampleRegion {
@@ -41,13 +47,18 @@ pub(super) struct NearPoints {
 }
 
 impl SampleRegion {
+    /// Whether it holds a sample.
+    pub fn holds(&self, sample: [usize; 3]) -> bool {
+        (0..3).all(|a| (self.from[a]..self.to[a]).contains(&sample[a]))
+    }
+
     /// Sets all samples to the values of a polynomial; `ways` tell how far samples are from its centre.
-    pub fn fill(&self, local: &LocalExpansion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+    pub fn fill(&self, local: &LocalExpansion, ways: &SampleWays, values: &mut [f64; POINTS]) {
         dispatch!(level(), _simd => self.fill_with(local, ways, values));
     }
 
     #[inline(always)]
-    fn fill_with(&self, local: &LocalExpansion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+    fn fill_with(&self, local: &LocalExpansion, ways: &SampleWays, values: &mut [f64; POINTS]) {
         let SampleRegion { from, to } = *self;
         let of_box: [&[f64]; 3] = std::array::from_fn(|axis| &ways[axis][from[axis]..to[axis]]);
         local.at_grid(
@@ -77,7 +88,7 @@ impl NearPoints {
     }
 
     /// Adds what the points give at some samples.
-    pub fn add(&self, samples: &SampleRegion, ways: &[[f64; P]; 3], values: &mut [f64; POINTS]) {
+    pub fn add(&self, samples: &SampleRegion, ways: &SampleWays, values: &mut [f64; POINTS]) {
         dispatch!(level(), simd => self.add_with(simd, samples, ways, values));
     }
 
@@ -86,7 +97,7 @@ impl NearPoints {
         &self,
         simd: S,
         samples: &SampleRegion,
-        ways: &[[f64; P]; 3],
+        ways: &SampleWays,
         values: &mut [f64; POINTS],
     ) {
         let SampleRegion { from, to } = *samples;
@@ -115,31 +126,82 @@ impl NearPoints {
         }
     }
 
+    /// What the points give at sixteen places, by axis how far they are from the cell's middle.
+    pub fn with_slopes(&self, at: &[[f64; LANES]; 3]) -> SumsWithSlopes {
+        let at = at.map(|row| row.map(|c| (c * self.scale) as f32));
+        let (sums, slopes) = dispatch!(level(), simd => self.slopes_from(simd, &at));
+        (sums, slopes.map(|row| row.map(|slope| slope * self.scale)))
+    }
+
+    #[inline(always)]
+    fn slopes_from<S: Simd>(&self, simd: S, at: &[[f32; LANES]; 3]) -> SumsWithSlopes {
+        let [x, y, z] = [
+            f32x16::from_slice(simd, &at[0]),
+            f32x16::from_slice(simd, &at[1]),
+            f32x16::from_slice(simd, &at[2]),
+        ];
+        let mut sums = [[0.0; LANES]; 4];
+        for points in self.points.chunks(SUMMED) {
+            let mut sum = [f32x16::splat(simd, 0.0); 4];
+            for point in points {
+                let dx = f32x16::splat(simd, point.position[0]) - x;
+                let dy = f32x16::splat(simd, point.position[1]) - y;
+                let dz = f32x16::splat(simd, point.position[2]) - z;
+                let squared = dx * dx + (dy * dy + dz * dz);
+                let along = dx * point.area[0] + (dy * point.area[1] + dz * point.area[2]);
+                let inverse = inverse_root(simd, squared);
+                let is_within = squared.simd_lt(f32x16::splat(simd, point.ball));
+                let beyond = inverse * inverse * inverse;
+                let within = f32x16::splat(simd, point.within[0]) - squared * point.within[1];
+                let factor = is_within.select(within, beyond);
+                // Twice the derivative of the factor by the squared distance.
+                let within = f32x16::splat(simd, -2.0 * point.within[1]);
+                let change = is_within.select(within, beyond * inverse * inverse * -3.0) * along;
+                sum[0] += along * factor;
+                sum[1] -= factor * point.area[0] + change * dx;
+                sum[2] -= factor * point.area[1] + change * dy;
+                sum[3] -= factor * point.area[2] + change * dz;
+            }
+            sums.iter_mut().zip(sum).for_each(|(sums, sum)| add_wide(sums, sum));
+        }
+        let [sum, x, y, z] = sums;
+        (sum, [x, y, z])
+    }
+
     #[inline(always)]
     fn seen_from<S: Simd>(&self, simd: S, at: &[[f32; LANES]; 3]) -> [f64; LANES] {
         let [x, y, z] = [
-            f32x8::from_slice(simd, &at[0]),
-            f32x8::from_slice(simd, &at[1]),
-            f32x8::from_slice(simd, &at[2]),
+            f32x16::from_slice(simd, &at[0]),
+            f32x16::from_slice(simd, &at[1]),
+            f32x16::from_slice(simd, &at[2]),
         ];
-        let mut sums = f64x8::splat(simd, 0.0);
+        let mut sums = [0.0; LANES];
         for points in self.points.chunks(SUMMED) {
-            let mut sum = f32x8::splat(simd, 0.0);
+            let mut sum = f32x16::splat(simd, 0.0);
             for point in points {
-                let dx = f32x8::splat(simd, point.position[0]) - x;
-                let dy = f32x8::splat(simd, point.position[1]) - y;
-                let dz = f32x8::splat(simd, point.position[2]) - z;
+                let dx = f32x16::splat(simd, point.position[0]) - x;
+                let dy = f32x16::splat(simd, point.position[1]) - y;
+                let dz = f32x16::splat(simd, point.position[2]) - z;
                 let squared = dx * dx + (dy * dy + dz * dz);
                 let along = dx * point.area[0] + (dy * point.area[1] + dz * point.area[2]);
                 let inverse = inverse_root(simd, squared);
                 let beyond = inverse * inverse * inverse;
-                let within = f32x8::splat(simd, point.within[0]) - squared * point.within[1];
-                let is_within = squared.simd_lt(f32x8::splat(simd, point.ball));
+                let within = f32x16::splat(simd, point.within[0]) - squared * point.within[1];
+                let is_within = squared.simd_lt(f32x16::splat(simd, point.ball));
                 sum += along * is_within.select(within, beyond);
             }
-            sums += widened(simd, sum);
+            add_wide(&mut sums, sum);
         }
-        sums.into()
+        sums
+    }
+}
+
+/// Adds sums of 32 bits to sums of 64.
+#[inline(always)]
+fn add_wide<S: Simd>(sums: &mut [f64; LANES], some: f32x16<S>) {
+    let some = some.as_array();
+    for lane in 0..LANES {
+        sums[lane] += f64::from(some[lane]);
     }
 }
 
@@ -148,11 +210,11 @@ impl NearPoints {
 /// Shifting the bits halves the exponent, and gives a first guess that is off by 3.5 %. Each step of Newton's then squares
 /// the error; its factors move the error's range to both sides of 0 (Moroz et al. 2018).
 #[inline(always)]
-fn inverse_root<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
-    let guess = u32x8::splat(simd, 0x5f37_5a86) - (x.bitcast::<u32x8<S>>() >> 1);
-    let y: f32x8<S> = guess.bitcast();
-    let y = y * (f32x8::splat(simd, 1.501_314) - x * 0.500_438 * y * y);
-    y * (f32x8::splat(simd, 1.500_001) - x * 0.500_000_3 * y * y)
+fn inverse_root<S: Simd>(simd: S, x: f32x16<S>) -> f32x16<S> {
+    let guess = u32x16::splat(simd, 0x5f37_5a86) - (x.bitcast::<u32x16<S>>() >> 1);
+    let y: f32x16<S> = guess.bitcast();
+    let y = y * (f32x16::splat(simd, 1.501_314) - x * 0.500_438 * y * y);
+    y * (f32x16::splat(simd, 1.500_001) - x * 0.500_000_3 * y * y)
 }
 
 #[cfg(test)]
@@ -164,7 +226,7 @@ mod tests {
         // Two octaves, which all others repeat, and both ends of what distances are.
         let octaves = (0..40_000u16).map(|step| 1.0 + 3.0 * f32::from(step) / 40_000.0);
         let worst = octaves.chain([1e-11, 3e13, 2f32.powi(46)]).fold(0.0f64, |worst, x| {
-            let inverse = dispatch!(level(), simd => inverse_root(simd, f32x8::splat(simd, x))[0]);
+            let inverse = dispatch!(level(), simd => inverse_root(simd, f32x16::splat(simd, x))[0]);
             worst.max((f64::from(inverse) * f64::from(x).sqrt() - 1.0).abs())
         });
         assert!(worst <= 8e-7, "{worst}");

@@ -5,7 +5,6 @@ use crate::large_array::LargeArray;
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
 
 /// Points of a part that is not divided.
 const LEAF_POINTS: usize = 8;
@@ -41,26 +40,13 @@ pub(super) struct Neighbour {
     pub number: u32,
 }
 
-impl Ord for Neighbour {
-    fn cmp(&self, other: &Self) -> Ordering {
+impl Neighbour {
+    /// Equal distances in the order of places.
+    fn is_nearer_than(&self, other: &Neighbour) -> bool {
         let of_place = || by_place(self.place, other.place).then(self.number.cmp(&other.number));
-        self.squared.total_cmp(&other.squared).then_with(of_place)
+        self.squared < other.squared || self.squared == other.squared && of_place().is_lt()
     }
 }
-
-impl PartialOrd for Neighbour {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Neighbour {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Neighbour {}
 
 /// The order of places: by x, then y, then z.
 pub(super) fn by_place(p: [f64; 3], q: [f64; 3]) -> Ordering {
@@ -87,11 +73,11 @@ impl<P: Located> KdTree<P> {
 
     /// The `count` points nearest to `p`, in order.
     pub fn around(&self, p: [f64; 3], count: usize) -> Vec<Neighbour> {
-        let mut found = BinaryHeap::with_capacity(count + 1);
+        let mut found = Vec::with_capacity(count + 1);
         if count > 0 {
             search((&self.points, 0), 0, p, count, &mut found);
         }
-        found.into_sorted_vec()
+        found
     }
 }
 
@@ -129,25 +115,27 @@ fn divide<P: Located>(points: &mut [P], axis: usize) {
     }
 }
 
-/// Looks among some points, the first of which has the number `first`.
+/// Looks among some points, the first of which has the number `first`; what is found is in order. Few are, so that a heap
+/// would take longer.
 fn search<P: Located>(
     (points, first): (&[P], u32),
     axis: usize,
     p: [f64; 3],
     count: usize,
-    found: &mut BinaryHeap<Neighbour>,
+    found: &mut Vec<Neighbour>,
 ) {
     let mut consider = |at: usize| {
         let place = points[at].place();
         let squared = (0..3).map(|a| (place[a] - p[a]) * (place[a] - p[a])).sum();
         let neighbour = Neighbour { squared, place, number: first + at as u32 };
-        if found.len() < count {
-            found.push(neighbour);
-        } else if let Some(mut farthest) = found.peek_mut()
-            && neighbour < *farthest
-        {
-            *farthest = neighbour;
+        if found.len() == count {
+            if !found.last().is_some_and(|farthest| neighbour.is_nearer_than(farthest)) {
+                return;
+            }
+            found.pop();
         }
+        let farther = found.iter().rev().take_while(|other| neighbour.is_nearer_than(other)).count();
+        found.insert(found.len() - farther, neighbour);
     };
     if points.len() <= LEAF_POINTS {
         (0..points.len()).for_each(consider);
@@ -160,7 +148,7 @@ fn search<P: Located>(
     let (near, far) = if beyond < 0.0 { (lower, upper) } else { (upper, lower) };
     search(near, (axis + 1) % 3, p, count, found);
     // Equal distances too: the place decides between them.
-    let worst = found.peek().map_or(f64::INFINITY, |n| n.squared);
+    let worst = found.last().map_or(f64::INFINITY, |n| n.squared);
     if found.len() < count || beyond * beyond <= worst {
         search(far, (axis + 1) % 3, p, count, found);
     }

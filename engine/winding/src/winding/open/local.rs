@@ -179,6 +179,26 @@ impl LocalExpansion {
         }
     }
 
+    /// The value at a point, given by its way from the centre, and how fast it grows along each axis.
+    pub fn with_slope(&self, [x, y, z]: [f64; 3]) -> (f64, [f64; 3]) {
+        let (mut value, mut slope) = (0.0, [0.0; 3]);
+        for (k, plane) in self.0.iter().enumerate().rev() {
+            let (mut of_plane, mut along) = (0.0, [0.0; 2]);
+            for (j, row) in plane[..C - k].iter().enumerate().rev() {
+                let (mut of_row, mut growth) = (0.0, 0.0);
+                for c in row[..C - k - j].iter().rev() {
+                    growth = growth * x + of_row;
+                    of_row = of_row * x + c;
+                }
+                along = [along[0] * y + growth, along[1] * y + of_plane];
+                of_plane = of_plane * y + of_row;
+            }
+            slope = [slope[0] * z + along[0], slope[1] * z + along[1], slope[2] * z + value];
+            value = value * z + of_plane;
+        }
+        (value, slope)
+    }
+
     /// The values at some points, given by their ways from the centre.
     #[inline(always)]
     pub fn at(&self, x: &[f64; GROUP], y: &[f64; GROUP], z: &[f64; GROUP]) -> [f64; GROUP] {

@@ -41,7 +41,7 @@ pub(super) use moments::Expansion;
 pub use moments::{GROUP, Moments, Reach, SurfaceElement};
 pub use points::open_winding_at;
 pub(super) use points::shares_at;
-pub(super) use translation::{C as COEFFICIENTS, LANES, Translation};
+pub(super) use translation::{C as COEFFICIENTS, Translation};
 pub(super) use tree::Cluster;
 pub use tree::ClusterTree;
 

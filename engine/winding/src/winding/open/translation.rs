@@ -7,7 +7,7 @@ use std::marker::PhantomData;
 pub(in crate::winding) const DEGREE: usize = 6;
 /// Coefficients along an axis.
 pub(in crate::winding) const C: usize = DEGREE;
-/// Clusters translated at a time, which vectorises.
+/// Clusters translated at a time in 64 bits, which vectorises.
 pub(in crate::winding) const LANES: usize = 8;
 
 /// The moments that count, by degree: orders in x, y, z.
@@ -38,7 +38,12 @@ impl<S: Simd, V: SimdFloat<S>, N: Fn(f64) -> V::Element> Translation<S, V, N> {
 
     /// Adds clusters, given by the ways to them and the first of their moments.
     #[inline(always)]
-    pub fn add<const COUNT: usize>(&mut self, simd: S, way: [V; 3], moments: &[[V::Element; LANES]; COUNT]) {
+    pub fn add<const WIDTH: usize, const COUNT: usize>(
+        &mut self,
+        simd: S,
+        way: [V; 3],
+        moments: &[[V::Element; WIDTH]; COUNT],
+    ) {
         self.derive(simd, way);
         self.contract(simd, moments);
     }
@@ -84,7 +89,11 @@ impl<S: Simd, V: SimdFloat<S>, N: Fn(f64) -> V::Element> Translation<S, V, N> {
 
     /// Σ_α M_α D_{α+β} for every β with β_z ≤ 1, added to the sums.
     #[inline(always)]
-    fn contract<const COUNT: usize>(&mut self, simd: S, moments: &[[V::Element; LANES]; COUNT]) {
+    fn contract<const WIDTH: usize, const COUNT: usize>(
+        &mut self,
+        simd: S,
+        moments: &[[V::Element; WIDTH]; COUNT],
+    ) {
         let d = &self.derivatives;
         let mut moment = moments.iter();
         for (degree, orders) in (1..).zip(MOMENTS) {
