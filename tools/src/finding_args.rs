@@ -53,6 +53,16 @@ pub enum ShownArg {
     Finding(Finding),
 }
 
+impl ShownArg {
+    /// What is found, if it shows that.
+    pub fn finding(&self) -> Option<Finding> {
+        match self {
+            ShownArg::Finding(finding) => Some(*finding),
+            ShownArg::Style(_) => None,
+        }
+    }
+}
+
 impl FromStr for ShownArg {
     type Err = String;
 

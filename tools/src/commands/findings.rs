@@ -78,6 +78,16 @@ pub(super) fn require_own_options(args: &Search<'_>) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Least bytes for what is looked up while a picture is drawn.
+const CACHES_MIN: u64 = 8 << 20;
+
+/// Bytes for labels, and for bricks, of what caches of a picture have beside what was found: labels are asked for beside bricks.
+pub(super) fn shares(found: Option<&Findings>, memory: u64, caches: u64) -> (u64, u64) {
+    let held = found.map_or(0, |found| found.bytes(memory));
+    let caches = caches.saturating_sub(held).max(CACHES_MIN);
+    if found.is_some() { (caches / 4, caches / 4 * 3) } else { (0, caches) }
+}
+
 /// Searches the store.
 pub(super) fn search(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Option<Findings>, Failure> {
     let Some(finding) = args.shown else { return Ok(None) };

@@ -1,6 +1,6 @@
 //! `brickfield render`: the part in space as a picture, or as pictures from all around.
 
-use super::findings::{Findings, Search, require_own_options, search};
+use super::findings::{Findings, Search, require_own_options, search, shares};
 use super::{make_folder, no_unit, of_store, open_store, require_level, start};
 use crate::devices::{BackendArg, choose};
 use crate::failure::Failure;
@@ -66,10 +66,7 @@ impl Kind {
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let wanted = Search {
-        shown: match &args.style {
-            ShownArg::Finding(finding) => Some(*finding),
-            ShownArg::Style(_) => None,
-        },
+        shown: args.style.finding(),
         finding: &args.finding,
         output: &args.output,
         memory: args.memory.0,
@@ -111,10 +108,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         [Some(&args.output), args.preview.as_ref()].into_iter().flatten().map(AsRef::as_ref).collect();
     require_distinct(&outputs, &[&args.store])?;
     let found = search(&wanted, &store, &bars)?;
-    let held = found.as_ref().map_or(0, |found| found.bytes(args.memory.0));
-    let caches = (caches - BRICK_CACHE_BYTES).saturating_sub(held).max(BRICK_CACHE_BYTES);
-    // Labels are asked for beside bricks.
-    let (label_bytes, brick_bytes) = if found.is_some() { (caches / 4, caches / 4 * 3) } else { (0, caches) };
+    let (label_bytes, brick_bytes) = shares(found.as_ref(), args.memory.0, caches - BRICK_CACHE_BYTES);
     let options = options(args, &store, found.as_ref().map(Findings::style), brick_bytes)?;
     let refused = |error| of_store(&store, "picture", error);
     let sides = found.as_ref().map(Findings::sides).transpose()?.flatten();

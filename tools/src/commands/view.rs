@@ -1,7 +1,7 @@
 //! `brickfield view`: the part in a window.
 
 use super::finding_colours::Colours;
-use super::findings::{Findings, Search, require_own_options, search};
+use super::findings::{Findings, Search, require_own_options, search, shares};
 use super::{no_unit, of_store, open_store, start};
 use crate::devices::choose;
 use crate::failure::Failure;
@@ -35,10 +35,7 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     require_size(args.size.0).map_err(Failure::Usage)?;
     let stem = args.store.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let wanted = Search {
-        shown: match &args.style {
-            ShownArg::Finding(finding) => Some(*finding),
-            ShownArg::Style(_) => None,
-        },
+        shown: args.style.finding(),
         finding: &args.finding,
         output: &screenshot_name(&stem, 1),
         memory: args.memory.0,
@@ -62,10 +59,7 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     check((args, wanted.shown), &script, &store, &part, &mut looks)?;
     let found = search(&wanted, &store, &bars)?;
     bars.clear();
-    let held = found.as_ref().map_or(0, |found| found.bytes(args.memory.0));
-    let caches = (caches - BRICK_CACHE_BYTES).saturating_sub(held).max(BRICK_CACHE_BYTES);
-    // Labels are asked for beside bricks.
-    let (label_bytes, brick_bytes) = if found.is_some() { (caches / 4, caches / 4 * 3) } else { (0, caches) };
+    let (label_bytes, brick_bytes) = shares(found.as_ref(), args.memory.0, caches - BRICK_CACHE_BYTES);
     let sides = found.as_ref().map(Findings::sides).transpose()?.flatten();
     let colours =
         found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes)).transpose()?;
