@@ -216,6 +216,13 @@ def forms(args, folder):
         radius = diameter / 2
         return pi * radius * radius * (depth - radius / cone * 2 / 3)
 
+    def around_a_cone():
+        """The side of a mill of 12 mm around a cone with radii of 6 mm at z = 0 and 3 at 20, by one arc that turns it."""
+        lean, low = math.atan(3 / 20), -3
+        away = 6 - low * 3 / 20 + 6 * math.cos(lean)
+        start = f"X{10 + away!r} Y10 Z{low + 6 * math.sin(lean)!r}"
+        return f"G0 X60 Y10 Z60\nG0 B{-math.degrees(lean)!r} Z-1\nG1 {start}\nG3 {start} I{-away!r} C360\n"
+
     half = 2.5 * math.sqrt(2)
     cases = [
         ("slot", "flat:6", "G0 X-10 Y10.03 Z25\nG0 Z16\nG1 X30\n", 480),
@@ -225,6 +232,7 @@ def forms(args, folder):
         ("bull face", "bull:8,2", "G0 X-10 Y10.1 Z15\nG1 X30\n", 20 * (40 - 8 * (1 - pi / 4))),
         ("chamfer", "chamfer:10,90", "G0 X-10 Y0 Z18\nG1 X30\n", 40),
         ("helix", "flat:6", "G0 X14 Y10 Z20\nG3 X14 Y10 I-4 Z17.5\nG3 X14 Y10 I-4 Z15\nG3 X14 Y10 I-4\n", pi * 240),
+        ("cone, five axes", "flat:12", around_a_cone(), 8000 - pi * 20 / 3 * (36 + 18 + 9)),
         ("from the side", "flat:6", "G0 X-5 Y10.1 Z9.8 B-90\nG1 X7\n", pi * 63),
     ]
     cuboid(folder / "block.stl", (0, 0, 0), (20, 20, 20))

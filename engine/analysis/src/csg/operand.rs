@@ -72,10 +72,11 @@ impl<'a> Operand<'a> {
                 Ok(OperandInNode::All { w: node.head.max, certain })
             }
             (Operand::Solids(solids), OperandInNode::Solids(list)) => {
-                let touches = |&&number: &&u32| !solids[number as usize].misses(key);
-                let near: Vec<u32> = list.iter().filter(touches).copied().collect();
+                // Whether a short solid meets the node is asked of one alone: which of them are listed changes no brick.
+                let may_meet = |&&number: &&u32| solids[number as usize].may_meet(key);
+                let near: Vec<u32> = list.iter().filter(may_meet).copied().collect();
                 let all = |w| Ok(OperandInNode::All { w, certain: true });
-                if near.is_empty() {
+                if near.iter().all(|&number| solids[number as usize].misses(key)) {
                     return all(0);
                 }
                 match near.iter().any(|&number| solids[number as usize].covers(key)) {

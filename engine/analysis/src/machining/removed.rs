@@ -188,14 +188,14 @@ impl Search<'_> {
         for &number in list {
             let solid = &self.cut.solids[number as usize];
             let bounds = solid.bounds();
-            let js = rows(1, bounds);
+            let (js, lines) = (rows(1, bounds), solid.lines(0));
             for (k, j) in rows(2, bounds).flat_map(|k| js.clone().map(move |j| (k, j))) {
                 let left = &mut left[k * BRICK_CELLS + j];
                 if left.is_empty() {
                     continue;
                 }
                 let at = [0.0, origin[1] + j as f64 * step, origin[2] + k as f64 * step];
-                let Some(interval) = solid.line(0, at) else { continue };
+                let Some(interval) = lines.meet(at) else { continue };
                 let taken = take(left, (interval.low.at, interval.high.at));
                 if taken > 0.0 {
                     let height = self.root.origin[2] + at[2] * unit;

@@ -126,7 +126,7 @@ impl Reader<'_> {
                 .out
                 .fault(b"I J K", "are no centre of this arc: its ends are at different distances"));
         }
-        let (mut last, degrees) = (from, self.turned(values));
+        let (mut last, begin, degrees) = (from, self.degrees, self.turned(values));
         if self.contour.is_some() {
             let centre = arc.centre_offset().map_err(|what| self.out.fault(b"G2", what))?;
             return self.along_contour(to, degrees, false, Some((centre, clockwise, turns)));
@@ -139,8 +139,9 @@ impl Reader<'_> {
             let mut place = [0.0; 3];
             (place[u], place[v]) = (point[0], point[1]);
             place[self.normal] = from[self.normal] + (end[self.normal] - from[self.normal]) * part;
-            self.push(last, place, degrees, false)?;
-            last = place;
+            let turned = [0, 1, 2].map(|a| begin[a] + (degrees[a] - begin[a]) * part);
+            self.push(last, place, turned, false)?;
+            (last, self.degrees) = (place, turned);
         }
         self.push(last, end, degrees, false)?;
         self.out.program.arcs += 1;

@@ -188,6 +188,23 @@ fn heads_turn_in_steps() {
 }
 
 #[test]
+fn heads_turn_evenly_along_arcs() {
+    // Around a cone: the tool leans toward the centre all the way, and each step turns it by a part of the whole.
+    let program = read_text("G0 X10 Y0 Z0 B-30\nG3 X10 Y0 I-10 C360\nG1 X10 Y0 Z1\n").unwrap();
+    let last = program.moves.len() - 1;
+    assert!((program.moves[last].axis[0] + 0.5).abs() < 1e-12);
+    let around = &program.moves[..last];
+    let turned: f64 = around.iter().map(|m| m.turn).sum();
+    assert!((turned - 2.0 * std::f64::consts::PI).abs() < 1e-9, "{turned}");
+    for m in around {
+        let middle = [0, 1].map(|a| (m.from[a] + m.to[a]) / 2.0);
+        let radius = middle[0].hypot(middle[1]);
+        let leans = [0, 1].map(|a| m.axis[a] + 0.5 * middle[a] / radius);
+        assert!(leans.iter().all(|off| off.abs() < 1e-6), "{m:?}");
+    }
+}
+
+#[test]
 fn what_cannot_be_followed_names_line_and_word() {
     for (text, words) in [
         ("G0 X0 Y0 Z0\nG1 X\n", ["line 2", "\"X\" has no number"]),

@@ -225,6 +225,7 @@ impl SweptEvaluator {
             let solid = &solids[number as usize];
             let bounds = solid.bounds();
             let [js, ks] = [1, 2].map(|axis| lattice.within(axis, bounds));
+            let lines = solid.lines(0);
             for k in ks {
                 for j in js.clone() {
                     let (bits, line) = (signs.row(j, k), &mut self.lines[k * P + j]);
@@ -232,7 +233,7 @@ impl SweptEvaluator {
                         continue;
                     }
                     let at = [0.0, lattice.at(1, j), lattice.at(2, k)];
-                    let Some(interval) = solid.line(0, at) else { continue };
+                    let Some(interval) = lines.meet(at) else { continue };
                     line.join(number, interval);
                     let first = lattice.first_from(0, interval.low.at);
                     let end = lattice.first_from(0, interval.high.at);
@@ -268,7 +269,7 @@ impl SweptEvaluator {
             let solid = &solids[number as usize];
             let bounds = solid.bounds();
             let [low, high] = bounds.map(|corner| corner[axis.index()]);
-            let us = lattice.within(u, bounds);
+            let (us, lines) = (lattice.within(u, bounds), solid.lines(axis.index()));
             for b in lattice.within(v, bounds) {
                 for a in us.clone().filter(|a| crossed[b] >> a & 1 == 1) {
                     let line = &mut self.lines[b * P + a];
@@ -277,7 +278,7 @@ impl SweptEvaluator {
                     }
                     let mut at = [0.0; 3];
                     (at[u], at[v]) = (lattice.at(u, a), lattice.at(v, b));
-                    if let Some(interval) = solid.line(axis.index(), at) {
+                    if let Some(interval) = lines.meet(at) {
                         line.join(number, interval);
                     }
                 }

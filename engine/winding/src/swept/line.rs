@@ -3,8 +3,10 @@
 /// What of a solid bounds an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
-    /// A face across an axis of space, on its lower side or not.
-    Face(usize, bool),
+    /// The lower one of the faces across the line.
+    LowFace,
+    /// The upper one.
+    HighFace,
     /// The surface of a ball.
     Ball,
     /// The side of a body of revolution.
@@ -40,21 +42,35 @@ pub struct Interval {
 }
 
 /// The hull of ends, as they are found.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Hull(Option<(IntervalEnd, IntervalEnd)>);
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hull {
+    low: IntervalEnd,
+    high: IntervalEnd,
+}
+
+impl Default for Hull {
+    fn default() -> Hull {
+        let end = |at| IntervalEnd { at, step: 0.0, feature: Feature::LowFace };
+        Hull { low: end(f64::INFINITY), high: end(f64::NEG_INFINITY) }
+    }
+}
 
 impl Hull {
+    #[inline]
     pub fn add(&mut self, at: f64, step: f64, feature: Feature) {
         let end = IntervalEnd { at, step, feature };
-        self.0 = Some(match self.0 {
-            None => (end, end),
-            Some((low, high)) => (if at < low.at { end } else { low }, if at > high.at { end } else { high }),
-        });
+        if at < self.low.at {
+            self.low = end;
+        }
+        if at > self.high.at {
+            self.high = end;
+        }
     }
 
     /// The interval, unless it is empty.
+    #[inline]
     pub fn interval(self) -> Option<Interval> {
-        let (low, high) = self.0?;
+        let Hull { low, high } = self;
         (low.at < high.at).then_some(Interval { low, high })
     }
 }

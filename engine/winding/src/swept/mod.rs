@@ -11,10 +11,12 @@ mod brick_tests;
 mod cone;
 mod distance;
 mod line;
+mod lines;
 mod solid;
 #[cfg(test)]
 mod tests;
 
 pub use brick::{SweptEvaluator, WantedSamples};
 pub use line::{Feature, Interval, IntervalEnd};
+pub use lines::ParallelLines;
 pub use solid::{ConvexSolid, SweptSolid, cube_of};

@@ -1,7 +1,7 @@
 //! One convex solid, and how a lattice line meets it.
 
 use super::cone::Cone;
-use super::line::{Feature, Hull, Interval, IntervalEnd};
+use super::line::{Feature, IntervalEnd};
 use crate::lattice::{BRICK_BITS, NodeKey, cross, dot, minus};
 
 /// A convex solid in units from the root's corner. Only + − × ÷ and square roots, in one order and without fused
@@ -74,35 +74,6 @@ impl SweptSolid {
         self.bounds
     }
 
-    /// The interval in which the line through `at` along `axis` meets the solid; the coordinate of `at` itself does not
-    /// matter. `None` if the line misses the solid or only touches it.
-    pub fn line(&self, axis: usize, at: [f64; 3]) -> Option<Interval> {
-        let [low, high] = &self.bounds;
-        if (0..3).any(|a| a != axis && (at[a] < low[a] || at[a] >= high[a])) {
-            return None;
-        }
-        let mut hull = Hull::default();
-        match &self.shape {
-            ConvexSolid::Box { low, high } => {
-                hull.add(low[axis], 0.0, Feature::Face(axis, true));
-                hull.add(high[axis], 0.0, Feature::Face(axis, false));
-            }
-            ConvexSolid::Ball { at: centre, way, radius } => {
-                let mut from = minus(at, *centre);
-                from[axis] = 0.0;
-                ball_line(axis, from, *way, *radius, centre[axis], &mut hull);
-            }
-            ConvexSolid::Frustum { at: place, way, frame, height, radius } => {
-                let mut from = minus(at, *place);
-                from[axis] = 0.0;
-                let turned = |v: [f64; 3]| frame.map(|row| dot(row, v));
-                let cone = Cone { height: *height, radius: *radius, way: turned(*way) };
-                cone.meet(turned(from), frame.map(|row| row[axis]), place[axis], &mut hull);
-            }
-        }
-        hull.interval()
-    }
-
     /// Whether a point lies inside, by the line along x through it.
     pub fn contains(&self, at: [f64; 3]) -> bool {
         self.line(0, at).is_some_and(|interval| interval.low.at <= at[0] && at[0] < interval.high.at)
@@ -112,9 +83,9 @@ impl SweptSolid {
     pub fn outward(&self, axis: usize, mut at: [f64; 3], end: &IntervalEnd) -> [f64; 3] {
         at[axis] = end.at;
         match (&self.shape, end.feature) {
-            (_, Feature::Face(axis, is_low)) => {
+            (_, Feature::LowFace | Feature::HighFace) => {
                 let mut normal = [0.0; 3];
-                normal[axis] = if is_low { -1.0 } else { 1.0 };
+                normal[axis] = if end.feature == Feature::LowFace { -1.0 } else { 1.0 };
                 normal
             }
             (ConvexSolid::Ball { at: centre, way, .. }, _) => {
@@ -144,6 +115,16 @@ impl SweptSolid {
     pub fn misses(&self, key: NodeKey) -> bool {
         let (low, size) = cube_of(key);
         self.misses_cube(low, size)
+    }
+
+    /// Whether the box around the solid meets a node, and the solid itself, where it is longer than the node: `false` only
+    /// where it [misses](SweptSolid::misses).
+    pub fn may_meet(&self, key: NodeKey) -> bool {
+        let (low, size) = cube_of(key);
+        let [least, greatest] = &self.bounds;
+        let is_beside = |a: usize| low[a] + size < least[a] - 1.0 || low[a] > greatest[a] + 1.0;
+        let is_long = |a: &usize| greatest[*a] - least[*a] > size;
+        !(0..3).any(is_beside) && ((0..3).filter(is_long).count() < 2 || !self.misses_cube(low, size))
     }
 
     /// Whether the whole cube lies inside, with a margin far above rounding.
@@ -246,45 +227,6 @@ fn bounds(shape: &ConvexSolid) -> [[f64; 3]; 2] {
                 [end(0, -1.0).min(end(1, -1.0)), end(0, 1.0).max(end(1, 1.0))]
             });
             moved(at, way, [reach.map(|r| r[0]), reach.map(|r| r[1])])
-        }
-    }
-}
-
-/// Adds the ends of a line along an axis through `from`, relative to the centre, within the hull of a ball that moves.
-fn ball_line(axis: usize, from: [f64; 3], way: [f64; 3], radius: f64, shift: f64, hull: &mut Hull) {
-    let mut add = |at: f64| hull.add(at + shift, 0.0, Feature::Ball);
-    let mut ball = |centre: [f64; 3]| {
-        let off = minus(from, centre);
-        let across = (0..3).filter(|&a| a != axis).map(|a| off[a] * off[a]).sum::<f64>();
-        let rest = radius * radius - across;
-        if rest >= 0.0 {
-            let half = rest.sqrt();
-            add(centre[axis] - half);
-            add(centre[axis] + half);
-        }
-    };
-    ball([0.0; 3]);
-    if way == [0.0; 3] {
-        return;
-    }
-    ball(way);
-    // The cylinder between both.
-    let length = dot(way, way).sqrt();
-    let along = way.map(|c| c / length);
-    let mut direction = [0.0; 3];
-    direction[axis] = 1.0;
-    let across = |v: [f64; 3]| minus(v, along.map(|c| c * dot(along, v)));
-    let (p, e) = (across(from), across(direction));
-    let (a, b, c) = (dot(e, e), dot(p, e), dot(p, p) - radius * radius);
-    let rest = b * b - a * c;
-    if a <= 1e-14 || rest < 0.0 {
-        return;
-    }
-    let root = rest.sqrt();
-    for t in [(-b - root) / a, (-b + root) / a] {
-        let step = dot(along, from) + t * along[axis];
-        if (0.0..=length).contains(&step) {
-            add(t);
         }
     }
 }
