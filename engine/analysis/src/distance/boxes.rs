@@ -60,7 +60,7 @@ pub(super) struct Boxes {
     /// Things in a run.
     pub(super) per_run: usize,
     pub(super) things: usize,
-    whole: Block,
+    pub(super) whole: Block,
 }
 
 /// A node that waits to be looked at, and how near it is.

@@ -42,6 +42,7 @@ mod answers;
 mod around;
 mod balls;
 mod band;
+mod box_bytes;
 mod boxes;
 mod brick_feet;
 pub mod closing;

@@ -339,12 +339,15 @@ impl OffsetBrick<'_> {
             samples.fill(&mut self.values, if is_solid { f32::NEG_INFINITY } else { f32::INFINITY });
             return Ok(());
         }
-        for half in samples.halves() {
-            let there = minus(half.middle(), middle);
+        let divide = |part: SampleBox| {
+            let there = minus(part.middle(), middle);
             let moved = crate::lattice::dot(there, there).sqrt();
-            self.decide(half, foot.distance + moved + CERTAIN)?;
+            self.decide(part, foot.distance + moved + CERTAIN)
+        };
+        match samples.is_small() {
+            true => samples.singles().try_for_each(divide),
+            false => samples.halves().into_iter().try_for_each(divide),
         }
-        Ok(())
     }
 
     fn brick(self) -> Result<Brick> {

@@ -1,6 +1,7 @@
 //! The patches of one leaf, with boxes around them.
 
 use super::answers::Place;
+use super::box_bytes::number;
 use super::boxes::{Block, Boxes, block_of};
 use super::patch::{Patch, Shape};
 use super::polygons::LeafPolygons;
@@ -129,7 +130,11 @@ impl Spill for Piece {
 
     fn bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(
-            BASE_BYTES + 4 + self.patches.len() * PATCH_BYTES + self.rings.len() * CORNER_BYTES,
+            BASE_BYTES
+                + 8
+                + self.patches.len() * PATCH_BYTES
+                + self.rings.len() * CORNER_BYTES
+                + self.boxes.heap_bytes(),
         );
         self.base.iter().for_each(|c| bytes.extend(c.to_le_bytes()));
         bytes.extend((self.patches.len() as u32).to_le_bytes());
@@ -142,7 +147,9 @@ impl Spill for Piece {
             bytes.extend(count.to_le_bytes());
             bytes.push(*shape as u8);
         }
+        bytes.extend((self.rings.len() as u32).to_le_bytes());
         self.rings.iter().flatten().for_each(|number| bytes.extend(number.to_le_bytes()));
+        self.boxes.append_to(&mut bytes);
         bytes
     }
 
@@ -151,10 +158,10 @@ impl Spill for Piece {
         let base = std::array::from_fn(|a| f64::from_le_bytes(std::array::from_fn(|b| base[8 * a + b])));
         let (count, rest) = rest.split_first_chunk::<4>()?;
         let count = u32::from_le_bytes(*count) as usize;
-        let (stored, rings) = rest.split_at_checked(count.checked_mul(PATCH_BYTES)?)?;
-        let number = |bytes: &[u8], n: usize| {
-            f32::from_le_bytes([bytes[4 * n], bytes[4 * n + 1], bytes[4 * n + 2], bytes[4 * n + 3]])
-        };
+        let (stored, rest) = rest.split_at_checked(count.checked_mul(PATCH_BYTES)?)?;
+        let (corners, rest) = rest.split_first_chunk::<4>()?;
+        let corners = u32::from_le_bytes(*corners) as usize;
+        let (rings, boxes) = rest.split_at_checked(corners.checked_mul(CORNER_BYTES)?)?;
         let three = |bytes: &[u8], n: usize| [0, 1, 2].map(|a| number(bytes, 3 * n + a));
         let patch = |bytes: &[u8]| {
             Some(Patch {
@@ -182,7 +189,7 @@ impl Spill for Piece {
         if !patches.iter().all(is_within) {
             return None;
         }
-        Some(Piece { base, patches, rings, boxes: Boxes::new(std::iter::empty(), RUN) }.boxed())
+        Some(Piece { base, patches, rings, boxes: Boxes::of_bytes(count, RUN, boxes)? })
     }
 }
 

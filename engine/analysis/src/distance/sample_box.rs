@@ -39,6 +39,20 @@ impl SampleBox {
         [lower, upper]
     }
 
+    /// Whether there are at most two samples along each side: halves are seldom known then where the whole is not.
+    pub fn is_small(&self) -> bool {
+        (0..3).all(|a| self.high[a] - self.low[a] <= 2)
+    }
+
+    /// Each sample by itself.
+    pub fn singles(self) -> impl Iterator<Item = SampleBox> {
+        let SampleBox { low, high } = self;
+        let rows = (low[2]..high[2]).flat_map(move |k| (low[1]..high[1]).map(move |j| (j, k)));
+        rows.flat_map(move |(j, k)| {
+            (low[0]..high[0]).map(move |i| SampleBox { low: [i, j, k], high: [i + 1, j + 1, k + 1] })
+        })
+    }
+
     /// Gives all of its samples a value.
     pub fn fill<T: Copy>(&self, samples: &mut [T], value: T) {
         for k in self.low[2]..self.high[2] {

@@ -1,4 +1,4 @@
-//! Groups of equal things, in memory as far as allowed, and else in a file that is read through a cache.
+//! Groups of equal things, in memory if all of them fit, and else in a file that is read through a cache.
 
 use crate::error::Result;
 use crate::lattice::{MAX_LEVEL, NodeKey};
@@ -27,6 +27,7 @@ pub(super) struct Spilled<T> {
     held: Vec<HeldGroup<T>>,
     file: TempFile,
     cache: BrickCache<T>,
+    /// Bytes of all; `u64::MAX` as soon as they lie in the file.
     here: u64,
     memory: u64,
 }
@@ -34,7 +35,7 @@ pub(super) struct Spilled<T> {
 impl<T: Spill> Spilled<T> {
     /// None yet, in so many bytes of memory, with a file in `folder` for what does not fit.
     pub fn new(memory: u64, folder: &Path) -> Spilled<T> {
-        let cache = BrickCache::new(memory / 2);
+        let cache = BrickCache::new(memory);
         Spilled { held: Vec::new(), file: TempFile::new(folder), cache, here: 0, memory }
     }
 
@@ -42,17 +43,31 @@ impl<T: Spill> Spilled<T> {
         self.held.len()
     }
 
-    /// Adds a group.
+    /// Adds a group. As soon as they are more than fit, all go to the file: those that came first are not asked for more often
+    /// than others, and would take the cache's room.
     pub fn push(&mut self, group: T) -> Result<()> {
-        let bytes = group.heap_bytes() as u64;
-        if self.here + bytes <= self.memory / 2 {
-            self.here += bytes;
-            self.held.push(HeldGroup::Here(Arc::new(group)));
-            return Ok(());
+        if self.file_begins_at(group.heap_bytes() as u64) {
+            for held in &mut self.held {
+                if let HeldGroup::Here(group) = held {
+                    *held = append(&mut self.file, &**group)?;
+                }
+            }
+            self.here = u64::MAX;
         }
-        let bytes = group.bytes();
-        self.held.push(HeldGroup::There { offset: self.file.append(&bytes)?, bytes: bytes.len() });
+        self.held.push(match self.here {
+            u64::MAX => append(&mut self.file, &group)?,
+            _ => HeldGroup::Here(Arc::new(group)),
+        });
         Ok(())
+    }
+
+    /// Counts so many bytes more; whether they are those that do not fit.
+    fn file_begins_at(&mut self, bytes: u64) -> bool {
+        if self.here == u64::MAX {
+            return false;
+        }
+        self.here += bytes;
+        self.here > self.memory
     }
 
     /// A group, to keep for a while.
@@ -84,6 +99,12 @@ impl<T: Spill> Spilled<T> {
         }
         Ok(group)
     }
+}
+
+/// Writes a group behind those before.
+fn append<T: Spill>(file: &mut TempFile, group: &T) -> Result<HeldGroup<T>> {
+    let bytes = group.bytes();
+    Ok(HeldGroup::There { offset: file.append(&bytes)?, bytes: bytes.len() })
 }
 
 /// A name of a group for the cache, which goes by places.

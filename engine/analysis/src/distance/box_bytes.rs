@@ -1,0 +1,62 @@
+//! Trees of boxes as bytes of a temporary file: read again they need not be made again.
+
+use super::boxes::{Block, Boxes, Lanes, Normals, WIDE};
+
+/// Bytes of a node's boxes, of its normals, and of the box around all.
+const LANES_BYTES: usize = 6 * WIDE * 4;
+const NORMALS_BYTES: usize = 7 * WIDE;
+const WHOLE_BYTES: usize = 24;
+
+impl Boxes {
+    /// Appends the tree: the box around all, boxes, then normals.
+    pub fn append_to(&self, bytes: &mut Vec<u8>) {
+        self.whole().as_flattened().iter().for_each(|c| bytes.extend(c.to_le_bytes()));
+        for Lanes { low, high } in &self.nodes {
+            for row in low.iter().chain(high) {
+                row.iter().for_each(|c| bytes.extend(c.to_le_bytes()));
+            }
+        }
+        for Normals { low, high, thick } in &self.normals {
+            low.iter().chain(high).for_each(|row| bytes.extend(row.map(|c| c as u8)));
+            bytes.extend(thick);
+        }
+    }
+
+    /// The tree with normals around so many things that [`Boxes::append_to`] gave; `None` if the bytes are not as many.
+    pub fn of_bytes(things: usize, per_run: usize, bytes: &[u8]) -> Option<Boxes> {
+        let (levels, nodes) = levels_over(things.div_ceil(per_run));
+        let (whole, rest) = bytes.split_at_checked(WHOLE_BYTES)?;
+        let (lanes, normals) = rest.split_at_checked(nodes * LANES_BYTES)?;
+        if normals.len() != nodes * NORMALS_BYTES {
+            return None;
+        }
+        let whole: Block = [0, 3].map(|n| [0, 1, 2].map(|a| number(whole, n + a)));
+        let nodes = lanes.chunks_exact(LANES_BYTES).map(|bytes| {
+            let row = |n: usize| std::array::from_fn(|slot| number(bytes, n * WIDE + slot));
+            Lanes { low: [0, 1, 2].map(row), high: [3, 4, 5].map(row) }
+        });
+        let normals = normals.chunks_exact(NORMALS_BYTES).map(|bytes| {
+            let row = |n: usize| std::array::from_fn(|slot| bytes[n * WIDE + slot] as i8);
+            let thick = std::array::from_fn(|slot| bytes[6 * WIDE + slot]);
+            Normals { low: [0, 1, 2].map(row), high: [3, 4, 5].map(row), thick }
+        });
+        let (nodes, normals) = (nodes.collect(), normals.collect());
+        Some(Boxes { nodes, normals, levels, per_run, things, whole })
+    }
+}
+
+/// Where the nodes of each level over so many runs begin, and how many there are.
+fn levels_over(mut runs: usize) -> (Vec<usize>, usize) {
+    let (mut levels, mut nodes) = (Vec::new(), 0);
+    while levels.is_empty() || runs > 1 {
+        levels.push(nodes);
+        runs = runs.div_ceil(WIDE);
+        nodes += runs;
+    }
+    (levels, nodes)
+}
+
+/// The n-th number of some bytes.
+pub(super) fn number(bytes: &[u8], n: usize) -> f32 {
+    f32::from_le_bytes([bytes[4 * n], bytes[4 * n + 1], bytes[4 * n + 2], bytes[4 * n + 3]])
+}
