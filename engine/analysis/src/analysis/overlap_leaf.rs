@@ -1,6 +1,6 @@
 //! The overlaps of passes within one leaf.
 
-use super::overlap_lines::{Piece, add_chords};
+use super::overlap_lines::{PassPiece, add_chords};
 use super::overlap_pairs::{LeafPairs, PairSums};
 use crate::brick::Brick;
 use crate::lattice::{BRICK_CELLS, NodeKey};
@@ -65,10 +65,10 @@ pub(super) fn of_leaf(
 }
 
 /// The segments and joints of all passes, pass by pass.
-fn pieces(passes: &[Pass<'_>]) -> Vec<Piece> {
+fn pieces(passes: &[Pass<'_>]) -> Vec<PassPiece> {
     let mut pieces = Vec::new();
     for (pass, Pass { segments, joint, .. }) in passes.iter().enumerate() {
-        let piece = |segment: Segment, is_joint: bool, source_line: u64| Piece {
+        let piece = |segment: Segment, is_joint: bool, source_line: u64| PassPiece {
             segment,
             pass: pass as u32,
             is_joint,

@@ -17,7 +17,7 @@ const SIDE: usize = 2;
 const OWN_LINES: usize = BRICK_CELLS * BRICK_CELLS;
 
 /// A segment of a pass, or the round end where it follows the pass before.
-pub(super) struct Piece {
+pub(super) struct PassPiece {
     pub segment: Segment,
     /// Place of its pass in the leaf's list.
     pub pass: u32,
@@ -45,7 +45,7 @@ struct Interval {
 }
 
 /// Adds the chords that passes have in common in a leaf; pieces are in the order of their passes.
-pub(super) fn add_chords(key: NodeKey, solids: &Solids, pieces: &[Piece], pairs: &mut LeafPairs) {
+pub(super) fn add_chords(key: NodeKey, solids: &Solids, pieces: &[PassPiece], pairs: &mut LeafPairs) {
     let mut scratch = LineScratch::default();
     for axis in Axis::ALL {
         let draws = draws(key, axis);
@@ -92,7 +92,7 @@ struct Lines<'a> {
     key: NodeKey,
     axis: Axis,
     beside: &'a [[u8; 2]],
-    pieces: &'a [Piece],
+    pieces: &'a [PassPiece],
 }
 
 impl Lines<'_> {

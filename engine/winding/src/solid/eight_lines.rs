@@ -11,14 +11,14 @@ use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, 
 pub(super) const LANES: usize = 8;
 
 /// Eight lines along an axis: positions along the other two axes in their order, relative to the segment's first end.
-pub(super) type Places = [[f64; LANES]; 2];
+pub(super) type LinePlaces = [[f64; LANES]; 2];
 
 /// Where eight lines enter and leave a body; a line that misses it leaves where it enters.
-pub(super) type Ends = [[f64; LANES]; 2];
+pub(super) type LineEnds = [[f64; LANES]; 2];
 
 /// The intervals in which eight lines along `axis` meet a body.
 #[inline]
-pub(super) fn eight_lines(body: &Body, axis: usize, places: &Places) -> Ends {
+pub(super) fn eight_lines(body: &Body, axis: usize, places: &LinePlaces) -> LineEnds {
     if body.is_flat() {
         return dispatch!(level(), simd => flat(simd, body, axis, places));
     }
@@ -33,7 +33,7 @@ pub(super) fn eight_lines(body: &Body, axis: usize, places: &Places) -> Ends {
 }
 
 #[inline(always)]
-fn flat<S: Simd>(simd: S, body: &Body, axis: usize, places: &Places) -> Ends {
+fn flat<S: Simd>(simd: S, body: &Body, axis: usize, places: &LinePlaces) -> LineEnds {
     let first = f64x8::from_slice(simd, &places[0]);
     let second = f64x8::from_slice(simd, &places[1]);
     let (from, to) = match axis {
@@ -162,7 +162,7 @@ mod tests {
             for axis in 0..3 {
                 let others = [[1, 2], [0, 2], [0, 1]][axis];
                 // Whole numbers meet faces and ends exactly.
-                let places: Places = [0, 1].map(|_| {
+                let places: LinePlaces = [0, 1].map(|_| {
                     std::array::from_fn(|lane| f64::from(draw(280) - 140) + 0.25 * (lane % 2) as f64)
                 });
                 let [from, to] = eight_lines(&body, axis, &places);

@@ -2,7 +2,7 @@
 
 use super::body::Body;
 use super::brick_lattice::BrickLattice;
-use super::eight_lines::{LANES, Places, eight_lines};
+use super::eight_lines::{LANES, LinePlaces, eight_lines};
 use super::segment::Segment;
 use super::segments::Solids;
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
@@ -11,7 +11,7 @@ use crate::lattice::{Axis, BRICK_POINTS, NodeKey};
 struct Waiting {
     count: usize,
     lines: [usize; LANES],
-    places: Places,
+    places: LinePlaces,
 }
 
 impl Waiting {
