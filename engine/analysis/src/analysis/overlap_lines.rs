@@ -138,8 +138,8 @@ impl Lines<'_> {
         }
         // Each line's beginning has become its end.
         let mut from = 0;
-        for line in 0..OWN_LINES {
-            let to = starts[line] as usize;
+        for (line, &end) in starts[..OWN_LINES].iter().enumerate() {
+            let to = end as usize;
             let stretches = &mut sorted[from..to];
             from = to;
             if stretches.len() > 1 {
