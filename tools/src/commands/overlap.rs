@@ -88,7 +88,8 @@ fn key_of(by: OverlapByArg, tables: &BeadTables, pair: &PairOverlap) -> [u32; 2]
     key
 }
 
-fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlaps) -> Table<'static> {
+/// Rows are made when they are written: there may be a million pairs.
+fn table<'a>(args: &'a OverlapArgs, store: &Store, tables: &'a BeadTables, found: &'a Overlaps) -> Table<'a> {
     let cell = store.root().spacing(store.meta().depth);
     let mut rows: BTreeMap<[u32; 2], (OverlapSum, &PairOverlap)> = BTreeMap::new();
     for pair in &found.pairs {
@@ -96,7 +97,9 @@ fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlap
     }
     let mut rows: Vec<_> = rows.into_iter().filter(|(_, (row, _))| row.volume >= args.min_volume).collect();
     rows.sort_by(|a, b| b.1.0.volume.total_cmp(&a.1.0.volume).then(a.0.cmp(&b.0)));
-    let values = |(key, (row, pair)): ([u32; 2], (OverlapSum, &PairOverlap))| {
+    let count = rows.len();
+    let values = move |n: usize| {
+        let (key, (row, pair)) = &rows[n];
         let beads = pair.numbers.map(|number| tables.bead_of(number));
         let error = row.error();
         let digits = |value: f64| to_place(value, error.min(row.volume) / 10.0);
@@ -126,7 +129,7 @@ fn table(args: &OverlapArgs, store: &Store, tables: &BeadTables, found: &Overlap
         cells.extend([digits(error * 1.05), six_digits(row.sampled), json!(row.pairs)]);
         cells
     };
-    Table::of_rows(&COLUMNS, rows.into_iter().map(values).collect())
+    Table::new(&COLUMNS, count, values)
 }
 
 fn document<'a>(

@@ -8,6 +8,8 @@ mod face_beads;
 mod faces;
 mod overlap;
 mod overlap_leaf;
+mod overlap_lines;
+mod overlap_pairs;
 mod sample;
 #[cfg(test)]
 mod tests;

@@ -4,7 +4,9 @@
 //! pass there, by the rule that the store was built by. Samples of pairs add up to Σ w(w − 1)/2 exactly, which is checked
 //! against the store's own samples; chords along lines beside them are nearer to the volume.
 
-use super::overlap_leaf::{LINES, PART_BITS, PairSums, of_leaf};
+use super::overlap_leaf::of_leaf;
+use super::overlap_lines::{LINES, PART_BITS};
+use super::overlap_pairs::PairSums;
 use super::solids_of;
 use super::volume::spread;
 use crate::error::Result;

@@ -4,11 +4,11 @@ use super::around::{SurroundingSegments, Tracer};
 use super::components::Components;
 use super::crossing::each_crossing;
 use super::labelling::Labelling;
-use super::points::{OUTER, Point};
+use super::points::{OUTER, Point, sort_along_curve};
 use super::pores::{Pores, component_at, place_of};
 use crate::brick::SignChanges;
 use crate::error::Result;
-use crate::lattice::NodeKey;
+use crate::lattice::{BRICK_CELLS, NodeKey};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Leaf};
 use std::collections::BTreeMap;
@@ -100,6 +100,11 @@ pub(super) fn boundaries(
                 around.entry(component).or_default().add(segments, leaf.key, &crossing);
             }
         });
+        // Leaves come in Morton order, so all points are in it.
+        let (low, edge) = (leaf.key.base().map(f64::from), f64::from(1u32 << leaf.key.spacing_bits()));
+        for points in [&mut voids, &mut outer_surface] {
+            sort_along_curve(points, low.map(|c| c + 1.0), edge * BRICK_CELLS as f64);
+        }
         Ok((voids, outer_surface, around))
     };
     let mut found = Boundaries {

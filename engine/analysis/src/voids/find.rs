@@ -33,7 +33,7 @@ const _: () = assert!(
 /// Bytes for bricks and points however many voids there are.
 const LEAST_BYTES: u64 = 32 << 20;
 /// Largest balls are found to this share of a cell.
-const NEARER_BALL: f64 = 0.01;
+const NEARER_BALL: f64 = 0.001;
 
 /// What to look for.
 #[derive(Clone, Copy)]

@@ -58,6 +58,24 @@ impl Body {
         Body { extent: (low, high), ..self }
     }
 
+    /// The cross-section.
+    #[inline]
+    pub(super) fn profile(&self) -> &SolidProfile {
+        &self.profile
+    }
+
+    /// Unit vectors along the segment, to its side, and upward.
+    #[inline]
+    pub(super) fn frame(&self) -> [[f64; 3]; 3] {
+        self.frame
+    }
+
+    /// The segment's length, in units.
+    #[inline]
+    pub(super) fn length(&self) -> f64 {
+        self.length
+    }
+
     /// The other end.
     #[inline]
     pub fn end(&self) -> [f64; 3] {

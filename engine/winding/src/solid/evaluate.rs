@@ -233,40 +233,6 @@ pub fn for_samples(solids: &Solids, key: NodeKey, segment: &Segment, mut each: i
     });
 }
 
-/// Calls `each` with the lines along an axis that a segment's solid meets, numbered k·33 + j by the other two axes in their
-/// order, and where it begins and ends there, in units from the root's corner. Lines stand beyond the samples (j, k) by what `beside` says,
-/// in cells from 0 to 1, by the other two axes: at (0, 0) they pass the samples.
-pub fn for_lines(
-    solids: &Solids,
-    key: NodeKey,
-    segment: &Segment,
-    axis: Axis,
-    beside: impl Fn(usize, usize) -> [f64; 2],
-    mut each: impl FnMut(usize, (f64, f64)),
-) {
-    let lattice = BrickLattice::of(key);
-    let (body, bounds) = (solids.body(segment), solids.bounds(segment));
-    let a = axis.index();
-    let [u, v] = axis.others_in_order().map(Axis::index);
-    let (from, step) = (f64::from(segment.a[a]), f64::from(1u32 << lattice.shift));
-    // A line may stand almost a cell beyond its sample.
-    let near = |axis: usize| {
-        let within = lattice.within(axis, bounds);
-        within.start.saturating_sub(1)..within.end
-    };
-    for k in near(v) {
-        for j in near(u) {
-            let off = beside(j, k);
-            let mut at = [0.0; 3];
-            at[u] = lattice.offset(segment.a, u, j) + off[0] * step;
-            at[v] = lattice.offset(segment.a, v, k) + off[1] * step;
-            if let Some((first, last)) = body.line(a, at) {
-                each(k * P + j, (from + first, from + last));
-            }
-        }
-    }
-}
-
 /// The first sample of a row in an interval relative to the segment's first end, and the first one beyond.
 #[inline]
 fn samples_of(lattice: BrickLattice, segment: &Segment, interval: (f64, f64)) -> Option<(u8, u8)> {

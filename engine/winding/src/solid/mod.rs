@@ -9,9 +9,11 @@
 
 mod body;
 mod brick_lattice;
+mod eight_lines;
 mod evaluate;
 mod hermite;
 mod hidden;
+mod lines;
 mod points;
 mod profile;
 mod segment;
@@ -21,8 +23,9 @@ mod tests;
 
 pub use body::Body;
 pub use brick_lattice::SegmentList;
-pub use evaluate::{SolidEvaluation, SolidEvaluator, for_lines, for_samples};
+pub use evaluate::{SolidEvaluation, SolidEvaluator, for_samples};
 pub use hermite::normal_code;
+pub use lines::for_lines;
 pub use points::{beads_at, brute_beads_at};
 pub use profile::{Outline, SolidProfile};
 pub use segment::Segment;
