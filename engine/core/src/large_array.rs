@@ -75,6 +75,8 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
         item: impl Fn(usize) -> Option<T> + Sync,
     ) -> Result<LargeArray<T>> {
         let mut array = LargeArray::new(room);
+        // As much as a file needs, which would grow beyond it piece by piece.
+        array.reserve(count)?;
         for from in (0..count).step_by(RUN_ITEMS) {
             let numbers = from..count.min(from + RUN_ITEMS);
             let run: Vec<T> = numbers.into_par_iter().filter_map(&item).collect();
