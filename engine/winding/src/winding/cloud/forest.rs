@@ -114,13 +114,16 @@ impl Forest {
     }
 
     /// Of least cost, of these edges (Kruskal 1956).
-    pub fn of(points: usize, mut edges: LargeArray<GraphEdge>) -> Forest {
-        edges.par_sort_unstable_by_key(GraphEdge::key);
+    ///
+    /// # Errors
+    /// If the temporary file for what memory has no room for cannot be written.
+    pub fn of(points: usize, mut edges: LargeArray<GraphEdge>) -> Result<Forest> {
+        edges.sort_by(|a, b| a.key().cmp(&b.key()))?;
         let mut forest = Forest::apart(points);
         edges.iter().for_each(|edge| {
             forest.unite(edge, 0);
         });
-        forest
+        Ok(forest)
     }
 
     /// Takes the edges of least cost that join what is apart; the first point is `first`. The cheaper half is taken before
@@ -254,7 +257,7 @@ mod tests {
             forest.take_least(&mut edges.clone(), 0, &mut kept);
             assert_eq!(kept.len(), count - 1);
             let mut turned = LargeArray::from(normals.clone());
-            Forest::of(count, edges.into()).orient(&mut turned, f64::from).unwrap();
+            Forest::of(count, edges.into()).unwrap().orient(&mut turned, f64::from).unwrap();
             for edge in &kept {
                 let [a, b] = edge.ends.map(|v| turned[v as usize]);
                 assert!(dot(a, b) >= 0.0);

@@ -77,7 +77,7 @@ fn oriented(points: &LargeArray<[f64; 3]>, progress: &dyn Progress) -> Result<Or
     let tree = KdTree::new(LargeArray::of_each(points.len(), points.room(), numbered)?);
     let (mut normals, edges) = planes(&tree, progress)?;
     let points = tree.into_points();
-    let forest = Forest::of(points.len(), edges);
+    let forest = Forest::of(points.len(), edges)?;
     progress.check()?;
     forest.orient(&mut normals, |number| points[number as usize].position[2])?;
     progress.check()?;
