@@ -22,7 +22,7 @@ const BYTES_A_SEGMENT_DECIDED: u64 = 480;
 const BYTES_A_SEGMENT_IDENTIFIED: u64 = 120;
 /// A point of a cloud whose arrays lie in temporary files: its number in two levels, and in lists of them.
 const BYTES_A_POINT_KEPT: u64 = 24;
-/// Edges between neighbours that are sorted at once while normals are found.
+/// Buckets of points in work while normals are found, with their edges.
 const BYTES_OF_EDGES: u64 = 64 << 20;
 /// Share of the memory that what is left in memory of such arrays takes at most.
 const ARRAYS_SHARE: u64 = 4;

@@ -4,8 +4,9 @@ use crate::error::Result;
 use crate::mmap::TemporaryMap;
 use bytemuck::Pod;
 use rayon::prelude::*;
+use std::cmp::Ordering;
 use std::fmt;
-use std::ops::{Deref, DerefMut};
+use std::ops::{Deref, DerefMut, Range};
 use std::path::{Path, PathBuf};
 
 /// Items that are made in parallel before they are appended.
@@ -75,6 +76,8 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
         item: impl Fn(usize) -> Option<T> + Sync,
     ) -> Result<LargeArray<T>> {
         let mut array = LargeArray::new(room);
+        // As much as a file needs, which would grow beyond it piece by piece.
+        array.reserve(count)?;
         for from in (0..count).step_by(RUN_ITEMS) {
             let numbers = from..count.min(from + RUN_ITEMS);
             let run: Vec<T> = numbers.into_par_iter().filter_map(&item).collect();
@@ -146,6 +149,52 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
         self.truncate(kept);
     }
 
+    /// Puts items in order, of which no two that differ are equal. Those in a file are sorted in runs that fit in memory, which are
+    /// merged then: so a file is read twice and written twice from front to back, however large it is.
+    ///
+    /// # Errors
+    /// If the file for the merged ones cannot be made.
+    pub fn sort_by(&mut self, compare: impl Fn(&T, &T) -> Ordering + Sync) -> Result<()> {
+        let run = match &self.content {
+            Content::Memory(items) => items.len().max(1),
+            Content::File(..) => {
+                usize::try_from(self.room.bytes / size_of::<T>() as u64).unwrap_or(usize::MAX).max(RUN_ITEMS)
+            }
+        };
+        self.chunks_mut(run).for_each(|some| some.par_sort_unstable_by(&compare));
+        if self.len() > run {
+            *self = self.merged(run, &compare)?;
+        }
+        Ok(())
+    }
+
+    /// Runs of so many items, each in order, as one.
+    fn merged(&self, run: usize, compare: &impl Fn(&T, &T) -> Ordering) -> Result<LargeArray<T>> {
+        let (items, count): (&[T], _) = (self, self.len());
+        let mut merged = LargeArray::new(&self.room);
+        merged.reserve(count)?;
+        let is_before =
+            |a: &Range<usize>, b: &Range<usize>| compare(&items[a.start], &items[b.start]).is_lt();
+        let mut runs: Vec<Range<usize>> =
+            (0..count).step_by(run).map(|from| from..count.min(from.saturating_add(run))).collect();
+        // What is in order is a heap.
+        runs.sort_by(|a, b| compare(&items[a.start], &items[b.start]));
+        let mut ready = Vec::with_capacity(RUN_ITEMS);
+        while let Some(least) = runs.first_mut() {
+            ready.push(items[least.start]);
+            least.start += 1;
+            if least.start == least.end {
+                runs.swap_remove(0);
+            }
+            sink_first(&mut runs, is_before);
+            if ready.len() == RUN_ITEMS || runs.is_empty() {
+                merged.extend_from_slice(&ready)?;
+                ready.clear();
+            }
+        }
+        Ok(merged)
+    }
+
     /// Memory taken, without what is in a file.
     pub fn heap_bytes(&self) -> u64 {
         match &self.content {
@@ -181,6 +230,22 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
                 if need > now { map.grow(need.max(now + (now / 4).max(GROWTH_BYTES))) } else { Ok(()) }
             }
         }
+    }
+}
+
+/// Makes a heap of what is one but for its first.
+fn sink_first<H>(heap: &mut [H], is_before: impl Fn(&H, &H) -> bool) {
+    let mut at = 0;
+    loop {
+        let below = 2 * at + 1..heap.len().min(2 * at + 3);
+        let Some(least) = below.reduce(|a, b| if is_before(&heap[b], &heap[a]) { b } else { a }) else {
+            return;
+        };
+        if !is_before(&heap[least], &heap[at]) {
+            return;
+        }
+        heap.swap(at, least);
+        at = least;
     }
 }
 
@@ -286,6 +351,23 @@ mod tests {
             assert!(zeros.len() == 1001 && zeros.iter().all(|&n| n == 0));
         }
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn arrays_are_sorted_alike_in_memory_and_in_files() {
+        let dir = tempfile::tempdir().unwrap();
+        // Each number twice, and in no order.
+        for count in [0usize, 1, RUN_ITEMS, 5 * RUN_ITEMS + 7] {
+            let number = |n: usize| (n as u64 / 2).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let mut expected: Vec<u64> = (0..count).map(number).collect();
+            expected.sort_unstable();
+            for bytes in [0, 3 * 8 * RUN_ITEMS as u64, u64::MAX] {
+                let room = ArrayRoom::new(bytes, dir.path());
+                let mut array = LargeArray::of_each(count, &room, |n| Some(number(n))).unwrap();
+                array.sort_by(u64::cmp).unwrap();
+                assert!(array[..] == expected);
+            }
+        }
     }
 
     #[test]

@@ -201,8 +201,6 @@ impl TemporaryMap {
         // blocks are allocated. The bytes are handed out as `&[u8]` and `&mut [u8]` by the borrows of this value.
         let map = unsafe { memmap2::MmapMut::map_mut(&self.file) };
         let map = map.map_err(Error::io(&self.folder, "map a temporary file in"))?;
-        // Where memory is short, 32 pages around each that is needed would drive out others.
-        map.advise(memmap2::Advice::Random).ok();
         self.map = Some(map);
         Ok(())
     }

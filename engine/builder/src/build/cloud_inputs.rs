@@ -6,7 +6,7 @@ use crate::ingest::CloudInput;
 use crate::large_array::ArrayRoom;
 use crate::progress::Progress;
 use crate::store::Source;
-use crate::winding::{Surfels, estimate_normals};
+use crate::winding::{Surfels, with_estimated_normals};
 
 /// What a point takes where all arrays of it are in memory, with its clusters and the lists of two levels. Measured on a million
 /// points: 277 MB in all, and 379 MB where normals are found from neighbours.
@@ -53,7 +53,7 @@ impl CloudInputs {
 }
 
 /// The surface elements of the points of some files together. With `estimate`, their normals are those of
-/// [`estimate_normals`], whatever the files say.
+/// [`with_estimated_normals`], whatever the files say.
 ///
 /// # Errors
 /// If points lack normals, or some files' do and others' do not; if no point has an area; if the user interrupts.
@@ -64,7 +64,7 @@ pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress)
     let why = inputs.iter().find_map(|input| input.columns.no_normals.clone());
     let mut cloud = CloudInput::join(inputs)?;
     if estimate {
-        estimate_normals(&mut cloud, progress)?;
+        cloud = with_estimated_normals(cloud, progress)?;
     } else if cloud.normals.is_empty() {
         let why = why.map_or_else(String::new, |why| format!(" ({why})"));
         let (what, remedy) =

@@ -7,6 +7,7 @@ mod cells;
 mod cells_tests;
 mod dipole;
 mod far;
+mod forest;
 mod near;
 mod nearest;
 mod normals;
@@ -25,7 +26,7 @@ use rayon::prelude::*;
 
 pub use brick::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece};
 pub use nearest::median_distance;
-pub use normals::estimate_normals;
+pub use normals::{estimate_normals, with_estimated_normals};
 pub use surfels::{Surfel, Surfels};
 
 fn dipoles_of(surfels: &Surfels, root: RootCube) -> Result<LargeArray<Dipole>> {

@@ -71,6 +71,11 @@ impl<P: Located> KdTree<P> {
         &self.points
     }
 
+    /// The same, without the tree.
+    pub fn into_points(self) -> LargeArray<P> {
+        self.points
+    }
+
     /// The `count` points nearest to `p`, in order.
     pub fn around(&self, p: [f64; 3], count: usize) -> Vec<Neighbour> {
         let mut found = Vec::with_capacity(count + 1);

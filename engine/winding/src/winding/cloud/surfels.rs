@@ -8,7 +8,6 @@ use crate::lattice::length;
 use crate::progress::Progress;
 use crate::soup::PointCloud;
 use bytemuck::{Pod, Zeroable};
-use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Neighbours that may bound the area of a point. Of scattered points a cell has six on average, but one in three has
@@ -70,7 +69,7 @@ impl Surfels {
         };
         let mut all = LargeArray::of_each(nearest.points().len(), room, surfel)?;
         progress.check()?;
-        all.par_sort_unstable_by(|a, b| by_place(a.position, b.position));
+        all.sort_by(|a, b| by_place(a.position, b.position))?;
         let mut areas = LargeArray::of_each(all.len(), room, |number| Some(length(all[number].area)))?;
         let spacing = match areas.len() {
             0 => 0.0,
@@ -122,7 +121,7 @@ fn distinct(cloud: PointCloud) -> Result<LargeArray<FacingPoint>> {
     };
     let mut all = LargeArray::of_each(points.len(), points.room(), facing)?;
     drop((points, normals));
-    all.par_sort_unstable_by(|a, b| by_place(a.position, b.position).then(a.number.cmp(&b.number)));
+    all.sort_by(|a, b| by_place(a.position, b.position).then(a.number.cmp(&b.number)))?;
     all.dedup_by(|a, b| a.position == b.position);
     Ok(all)
 }
