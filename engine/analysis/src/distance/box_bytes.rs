@@ -60,3 +60,27 @@ fn levels_over(mut runs: usize) -> (Vec<usize>, usize) {
 pub(super) fn number(bytes: &[u8], n: usize) -> f32 {
     f32::from_le_bytes([bytes[4 * n], bytes[4 * n + 1], bytes[4 * n + 2], bytes[4 * n + 3]])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_come_back_from_their_bytes() {
+        for count in [1usize, 7, 8, 9, 64, 65, 600] {
+            let at = |n: usize, scale: f32| [0, 1, 2].map(|a| scale * ((n * 7 + a * 5) % 11) as f32);
+            let block = |scale: f32| move |n: usize| [at(n, scale), at(n, scale).map(|c| c + scale)];
+            let boxes = Boxes::new((0..count).map(block(0.5)), 1)
+                .with_normals((0..count).map(block(0.05)))
+                .with_slabs(|n| (block(0.5)(n).into_iter(), 0.1));
+            let mut bytes = Vec::new();
+            boxes.append_to(&mut bytes);
+            let again = Boxes::of_bytes(count, 1, &bytes).unwrap();
+            let mut bytes_again = Vec::new();
+            again.append_to(&mut bytes_again);
+            assert_eq!((bytes_again, again.levels, again.things), (bytes.clone(), boxes.levels, count));
+            assert!(Boxes::of_bytes(count, 1, &bytes[1..]).is_none());
+            assert!(Boxes::of_bytes(count + 8, 1, &bytes).is_none());
+        }
+    }
+}
