@@ -194,8 +194,9 @@ pub struct BuildArgs {
     ///
     /// Meshes that do not fit go to a temporary file, and point clouds but for 24 bytes a point. Toolpaths as solids, and the
     /// triangles that close an open mesh, stay in memory, and are refused if they do not fit. So does the input of
-    /// --boundary-error, --stddev and another --refine. A build whose index, 32 bytes a node, does not fit stops, and goes on with
-    /// more memory from there.
+    /// --boundary-error, --stddev and another --refine.
+    ///
+    /// A build whose index, 32 bytes a node, does not fit stops, and goes on with more memory from there.
     #[arg(long, value_name = "SIZE")]
     pub memory: Option<Size>,
     /// Folder of the temporary files, which have no names there and vanish with the program; the output's own by default
