@@ -16,11 +16,12 @@ use brickfield_engine::lattice::millimetres;
 use brickfield_engine::machining::{
     BoundedVolume, Cut, OpenedVoid, RemovedVolume, VoidState, measured_volume, opened, removed,
 };
-use brickfield_engine::milling::{Program, ProgramOptions, Tool, read};
+use brickfield_engine::milling::{Move, Program, ProgramOptions, Tool, read};
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, BrickTree, Meta, Source, Store, hash_of};
 use brickfield_engine::swept::SweptSolid;
 use brickfield_engine::voids::VoidOptions;
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -64,6 +65,47 @@ struct MachineFindings {
     phases: Vec<(&'static str, f64)>,
 }
 
+/// What JSON tells.
+#[derive(Serialize)]
+struct MachineDocument<'a> {
+    #[serde(flatten)]
+    head: Value,
+    by_move: MovesOf<'a>,
+    #[serde(flatten)]
+    rest: Value,
+}
+
+/// What each move takes off: told one by one, since of a million moves all together take more memory than all else.
+struct MovesOf<'a> {
+    program: &'a Program,
+    removed: &'a RemovedVolume,
+}
+
+/// A move in JSON.
+#[derive(Serialize)]
+struct MoveRow {
+    #[serde(rename = "move")]
+    number: u32,
+    line: u64,
+    rapid: bool,
+    tool: u32,
+    volume: f64,
+    z_min: f64,
+    z_max: f64,
+}
+
+impl Serialize for MovesOf<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.removed.by_move.iter().map(|(number, share)| {
+            let of = &self.program.moves[*number as usize];
+            let tool = self.program.tools[of.tool as usize].0;
+            let [z_min, z_max] = share.height;
+            let Move { line, rapid, .. } = *of;
+            MoveRow { number: number + 1, line, rapid, tool, volume: share.volume, z_min, z_max }
+        }))
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &MachineArgs) -> Result<(), Failure> {
     let begun = Instant::now();
@@ -90,8 +132,7 @@ pub fn run(args: &MachineArgs) -> Result<(), Failure> {
     let found = job.work()?;
     job.bars.clear();
     job.warn(&found);
-    let tells_moves = args.json || kind == Some(TableKind::Json);
-    let document = job.document(&found, begun.elapsed().as_secs_f64(), tells_moves);
+    let document = job.document(&found, begun.elapsed().as_secs_f64());
     if let (Some((mut file, kind)), Some(voids)) = (file, &found.voids) {
         job.table(voids).append_to(&mut file, kind, &document)?;
         file.finish()?;
@@ -322,29 +363,15 @@ impl Job<'_> {
         Table::of_rows(&COLUMNS, voids.iter().map(row).collect())
     }
 
-    fn document(&self, found: &MachineFindings, seconds: f64, tells_moves: bool) -> Value {
+    fn document<'f>(&'f self, found: &'f MachineFindings, seconds: f64) -> MachineDocument<'f> {
         let MachineFindings { summary, total, by_tool, removed, voids, phases } = found;
         let tools: Vec<Value> = self.program.tools.iter().zip(by_tool).map(|((number, tool), of)| {
             json!({ "number": number, "tool": tool.to_string(), "volume": of.value, "volume_error": of.error })
         }).collect();
-        // Of a million moves that takes more memory than all else.
-        let moves: Vec<Value> = removed
-            .by_move
-            .iter()
-            .filter(|_| tells_moves)
-            .map(|(number, share)| {
-                let of = &self.program.moves[*number as usize];
-                json!({
-                    "move": number + 1, "line": of.line, "rapid": of.rapid,
-                    "tool": self.program.tools[of.tool as usize].0, "volume": share.volume,
-                    "z_min": share.height[0], "z_max": share.height[1],
-                })
-            })
-            .collect();
         let rapids: Vec<Value> = self.rapids(found).iter().map(|(number, depth)| {
             json!({ "move": number + 1, "line": self.program.moves[*number as usize].line, "depth": depth })
         }).collect();
-        json!({
+        let head = json!({
             "output": self.args.output.display().to_string(),
             "unit": unit_of(self.store.meta()),
             "cell": self.store.root().spacing(self.store.meta().depth),
@@ -364,12 +391,14 @@ impl Job<'_> {
             "removed_volume": total.value,
             "removed_volume_error": total.error,
             "tools": tools,
-            "by_move": moves,
+        });
+        let rest = json!({
             "rapid_through_part": rapids,
             "voids": voids.as_ref().map(|voids| self.table(voids).objects()),
             "phases": phases,
             "seconds": seconds,
-        })
+        });
+        MachineDocument { head, by_move: MovesOf { program: &self.program, removed }, rest }
     }
 
     fn text(&self, found: &MachineFindings, seconds: f64) -> String {

@@ -13,9 +13,14 @@ pub fn print(text: &str) -> Result<(), Failure> {
     writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()).map_err(Failure::stdout)
 }
 
-/// Prints one JSON object.
+/// Prints one JSON object, as it is made: it may be larger than memory.
 pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    print(&serde_json::to_string_pretty(value).context("cannot write JSON")?)
+    let mut out = BufWriter::new(io::stdout().lock());
+    match serde_json::to_writer_pretty(&mut out, value) {
+        Err(error) if error.is_io() => return Err(Failure::stdout(error.into())),
+        written => written.context("cannot write JSON")?,
+    }
+    writeln!(out).and_then(|()| out.flush()).map_err(Failure::stdout)
 }
 
 /// A line on standard error that does not end the program.

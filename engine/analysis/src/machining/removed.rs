@@ -241,6 +241,10 @@ fn rows_of(brick: &Brick, from: f64, step: f64) -> Vec<Vec<(f64, f64)>> {
 
 /// Takes an interval off a list of them; returns how much it took.
 fn take(left: &mut Vec<(f64, f64)>, (from, to): (f64, f64)) -> f64 {
+    // Most of what moves reach was taken before.
+    if !left.iter().any(|&(low, high)| low.max(from) < high.min(to)) {
+        return 0.0;
+    }
     let mut taken = 0.0;
     let mut rest = Vec::with_capacity(left.len() + 1);
     for &(low, high) in left.iter() {
