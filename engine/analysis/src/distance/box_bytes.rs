@@ -1,6 +1,6 @@
 //! Trees of boxes as bytes of a temporary file: read again they need not be made again.
 
-use super::boxes::{Block, Boxes, Lanes, Normals, WIDE};
+use super::boxes::{Block, Boxes, Lanes, Normals, WIDE, levels_over};
 
 /// Bytes of a node's boxes, of its normals, and of the box around all.
 const LANES_BYTES: usize = 6 * WIDE * 4;
@@ -43,17 +43,6 @@ impl Boxes {
         let (nodes, normals) = (nodes.collect(), normals.collect());
         Some(Boxes { nodes, normals, levels, per_run, things, whole })
     }
-}
-
-/// Where the nodes of each level over so many runs begin, and how many there are.
-fn levels_over(mut runs: usize) -> (Vec<usize>, usize) {
-    let (mut levels, mut nodes) = (Vec::new(), 0);
-    while levels.is_empty() || runs > 1 {
-        levels.push(nodes);
-        runs = runs.div_ceil(WIDE);
-        nodes += runs;
-    }
-    (levels, nodes)
 }
 
 /// The n-th number of some bytes.

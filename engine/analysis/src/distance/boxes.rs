@@ -189,13 +189,13 @@ impl Boxes {
         for (n, block) in things.enumerate() {
             runs[n / per_run] = united(&runs[n / per_run], &block);
         }
-        let (mut nodes, mut levels) = (Vec::with_capacity(nodes_over(runs.len())), Vec::new());
-        while levels.is_empty() || runs.len() > 1 {
-            levels.push(nodes.len());
+        let (levels, node_count) = levels_over(runs.len());
+        let mut nodes = Vec::with_capacity(node_count);
+        for _ in &levels {
             nodes.extend(runs.chunks(WIDE).map(lanes));
             runs = runs.chunks(WIDE).map(|blocks| blocks.iter().fold(EMPTY, |a, b| united(&a, b))).collect();
         }
-        debug_assert!(levels.len() <= MOST_LEVELS && nodes.len() == nodes_over(count.div_ceil(per_run)));
+        debug_assert!(levels.len() <= MOST_LEVELS && nodes.len() == node_count);
         let whole = runs.first().copied().unwrap_or(EMPTY);
         Boxes { nodes, normals: Vec::new(), levels, per_run, things: count, whole }
     }
@@ -327,14 +327,15 @@ fn nearest_last<S: Simd>(
     count
 }
 
-/// How many nodes stand over so many runs.
-fn nodes_over(mut runs: usize) -> usize {
-    let mut nodes = runs.div_ceil(WIDE);
-    while runs > WIDE {
+/// Where the nodes of each level over so many runs begin, and how many there are.
+pub(super) fn levels_over(mut runs: usize) -> (Vec<usize>, usize) {
+    let (mut levels, mut nodes) = (Vec::new(), 0);
+    while levels.is_empty() || runs > 1 {
+        levels.push(nodes);
         runs = runs.div_ceil(WIDE);
-        nodes += runs.div_ceil(WIDE);
+        nodes += runs;
     }
-    nodes
+    (levels, nodes)
 }
 
 fn lanes(blocks: &[Block]) -> Lanes {
@@ -422,7 +423,7 @@ mod tests {
 
     #[test]
     fn nothing_near_is_skipped() {
-        assert_eq!([0, 1, 8, 9, 64, 65].map(nodes_over), [0, 1, 1, 3, 9, 12]);
+        assert_eq!([0, 1, 8, 9, 64, 65].map(|runs| levels_over(runs).1), [0, 1, 1, 3, 9, 12]);
         for (count, far) in [(1usize, 0.0), (2, 0.0), (3, 0.0), (7, 0.0), (100, 0.0), (1000, 3000.0)] {
             let some = |n: usize, k: u64| [0, 1, 2].map(|a| random(3 * n as u64 + a + k));
             let points: Vec<[f64; 3]> = (0..count).map(|n| some(n, 0).map(|c| c + far)).collect();

@@ -27,8 +27,8 @@ pub(super) struct Spilled<T> {
     held: Vec<HeldGroup<T>>,
     file: TempFile,
     cache: BrickCache<T>,
-    /// Bytes of all; `u64::MAX` as soon as they lie in the file.
-    here: u64,
+    /// Bytes of all while they are in memory.
+    here: Option<u64>,
     memory: u64,
 }
 
@@ -36,7 +36,7 @@ impl<T: Spill> Spilled<T> {
     /// None yet, in so many bytes of memory, with a file in `folder` for what does not fit.
     pub fn new(memory: u64, folder: &Path) -> Spilled<T> {
         let cache = BrickCache::new(memory);
-        Spilled { held: Vec::new(), file: TempFile::new(folder), cache, here: 0, memory }
+        Spilled { held: Vec::new(), file: TempFile::new(folder), cache, here: Some(0), memory }
     }
 
     pub fn len(&self) -> usize {
@@ -46,28 +46,22 @@ impl<T: Spill> Spilled<T> {
     /// Adds a group. As soon as they are more than fit, all go to the file: those that came first are not asked for more often
     /// than others, and would take the cache's room.
     pub fn push(&mut self, group: T) -> Result<()> {
-        if self.file_begins_at(group.heap_bytes() as u64) {
+        let was_here = self.here.is_some();
+        let bytes = group.heap_bytes() as u64;
+        self.here = self.here.map(|here| here + bytes).filter(|all| *all <= self.memory);
+        if self.here.is_some() {
+            self.held.push(HeldGroup::Here(Arc::new(group)));
+            return Ok(());
+        }
+        if was_here {
             for held in &mut self.held {
                 if let HeldGroup::Here(group) = held {
                     *held = append(&mut self.file, &**group)?;
                 }
             }
-            self.here = u64::MAX;
         }
-        self.held.push(match self.here {
-            u64::MAX => append(&mut self.file, &group)?,
-            _ => HeldGroup::Here(Arc::new(group)),
-        });
+        self.held.push(append(&mut self.file, &group)?);
         Ok(())
-    }
-
-    /// Counts so many bytes more; whether they are those that do not fit.
-    fn file_begins_at(&mut self, bytes: u64) -> bool {
-        if self.here == u64::MAX {
-            return false;
-        }
-        self.here += bytes;
-        self.here > self.memory
     }
 
     /// A group, to keep for a while.

@@ -5,6 +5,7 @@
 
 use super::body::Body;
 use super::profile::SolidProfile;
+use crate::lattice::Axis;
 use crate::wide::{Select, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f64x8, level, mask64x8};
 
 /// Lines at once.
@@ -18,28 +19,27 @@ pub(super) type LineEnds = [[f64; LANES]; 2];
 
 /// The intervals in which eight lines along `axis` meet a body.
 #[inline]
-pub(super) fn eight_lines(body: &Body, axis: usize, places: &LinePlaces) -> LineEnds {
+pub(super) fn eight_lines(body: &Body, axis: Axis, places: &LinePlaces) -> LineEnds {
     if body.is_flat() {
         return dispatch!(level(), simd => flat(simd, body, axis, places));
     }
-    let mut ends = [[0.0; LANES]; 2];
+    let (mut ends, [u, v]) = ([[0.0; LANES]; 2], axis.others_in_order().map(Axis::index));
     for lane in 0..LANES {
         let mut at = [0.0; 3];
-        let others = [[1, 2], [0, 2], [0, 1]][axis];
-        (at[others[0]], at[others[1]]) = (places[0][lane], places[1][lane]);
-        (ends[0][lane], ends[1][lane]) = body.line(axis, at).unwrap_or_default();
+        (at[u], at[v]) = (places[0][lane], places[1][lane]);
+        (ends[0][lane], ends[1][lane]) = body.line(axis.index(), at).unwrap_or_default();
     }
     ends
 }
 
 #[inline(always)]
-fn flat<S: Simd>(simd: S, body: &Body, axis: usize, places: &LinePlaces) -> LineEnds {
+fn flat<S: Simd>(simd: S, body: &Body, axis: Axis, places: &LinePlaces) -> LineEnds {
     let first = f64x8::from_slice(simd, &places[0]);
     let second = f64x8::from_slice(simd, &places[1]);
     let (from, to) = match axis {
-        0 => flat_line(simd, body, [0, 1], second, first),
-        1 => flat_line(simd, body, [1, 0], second, first),
-        _ => upright_line(simd, body, [first, second]),
+        Axis::X => flat_line(simd, body, [0, 1], second, first),
+        Axis::Y => flat_line(simd, body, [1, 0], second, first),
+        Axis::Z => upright_line(simd, body, [first, second]),
     };
     let mut ends = [[0.0; LANES]; 2];
     from.store_slice(&mut ends[0]);
@@ -159,8 +159,8 @@ mod tests {
             let step = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 0], [1, 0, 1]][n % 5];
             let b = step.map(|on| on * (draw(200) - 100));
             let body = Body::new(&Segment { a: [0; 3], b, profile: 0, pass: 0 }, &profile);
-            for axis in 0..3 {
-                let others = [[1, 2], [0, 2], [0, 1]][axis];
+            for axis in Axis::ALL {
+                let [u, v] = axis.others_in_order().map(Axis::index);
                 // Whole numbers meet faces and ends exactly.
                 let places: LinePlaces = [0, 1].map(|_| {
                     std::array::from_fn(|lane| f64::from(draw(280) - 140) + 0.25 * (lane % 2) as f64)
@@ -168,9 +168,9 @@ mod tests {
                 let [from, to] = eight_lines(&body, axis, &places);
                 for lane in 0..LANES {
                     let mut at = [0.0; 3];
-                    (at[others[0]], at[others[1]]) = (places[0][lane], places[1][lane]);
+                    (at[u], at[v]) = (places[0][lane], places[1][lane]);
                     let found = (from[lane] < to[lane]).then_some((from[lane], to[lane]));
-                    assert_eq!(found, body.line(axis, at), "{n} {axis} {at:?}");
+                    assert_eq!(found, body.line(axis.index(), at), "{n} {axis:?} {at:?}");
                     hits += u32::from(found.is_some());
                 }
             }

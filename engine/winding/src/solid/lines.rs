@@ -17,7 +17,7 @@ struct Waiting {
 impl Waiting {
     /// Calls `each` with the lines that meet the body, and forgets them all.
     #[inline]
-    fn ask(&mut self, body: &Body, axis: usize, each: &mut impl FnMut(usize, (f64, f64))) {
+    fn ask(&mut self, body: &Body, axis: Axis, each: &mut impl FnMut(usize, (f64, f64))) {
         let [from, to] = eight_lines(body, axis, &self.places);
         for lane in 0..std::mem::take(&mut self.count) {
             if from[lane] < to[lane] {
@@ -60,11 +60,11 @@ pub fn for_lines(
             waiting.places[1][n] = z + off[1] * step;
             waiting.count += 1;
             if waiting.count == LANES {
-                waiting.ask(&body, a, &mut put);
+                waiting.ask(&body, axis, &mut put);
             }
         }
     }
     if waiting.count > 0 {
-        waiting.ask(&body, a, &mut put);
+        waiting.ask(&body, axis, &mut put);
     }
 }
