@@ -2,7 +2,7 @@
 
 use super::deviation::{Motion, Reference};
 use crate::error::Result;
-use crate::lattice::{cross, dot, minus};
+use crate::lattice::{cross, dot, minus, solved_positive};
 
 /// Points that are compared.
 pub const ALIGNED_POINTS: usize = 4000;
@@ -95,21 +95,21 @@ fn step_of(
     // About the middle, in sizes of the part, so that turns and shifts are alike.
     let middle = motion.apply(std::array::from_fn(|a| 0.5 * (bounds[0][a] + bounds[1][a])));
     let unknowns = if how == Align::Rigid { 6 } else { 3 };
-    let mut rows = [[0.0; 7]; 6];
+    let (mut matrix, mut rhs) = ([[0.0; 6]; 6], [0.0; 6]);
     for (at, normal, off, apart) in pairs {
         let weight = 1.0 / (1.0 + (apart / scale).powi(2));
         let arm = minus(*at, middle).map(|c| c / size);
         let turn = cross(arm, *normal);
         let row = [normal[0], normal[1], normal[2], turn[0], turn[1], turn[2]];
         for n in 0..unknowns {
-            (0..unknowns).for_each(|m| rows[n][m] += weight * row[n] * row[m]);
-            rows[n][6] -= weight * row[n] * off;
+            (0..unknowns).for_each(|m| matrix[n][m] += weight * row[n] * row[m]);
+            rhs[n] -= weight * row[n] * off;
         }
     }
     // What the shape leaves open, as the turn of a ball, stays as it is.
-    let trace: f64 = (0..unknowns).map(|n| rows[n][n]).sum();
-    (0..unknowns).for_each(|n| rows[n][n] += 1e-9 * trace);
-    let x = eliminated(rows, unknowns)?;
+    let trace: f64 = (0..unknowns).map(|n| matrix[n][n]).sum();
+    (0..unknowns).for_each(|n| matrix[n][n] += 1e-9 * trace);
+    let x = solved_positive(matrix, rhs, unknowns)?;
     let shift = [x[0], x[1], x[2]];
     let turn = [x[3], x[4], x[5]].map(|c| c / size);
     let angle = dot(turn, turn).sqrt();
@@ -139,23 +139,4 @@ fn rotation_about(turn: [f64; 3], angle: f64) -> [[f64; 3]; 3] {
             one + sin * skew[a][b] + (1.0 - cos) * axis[a] * axis[b]
         })
     })
-}
-
-fn eliminated(mut rows: [[f64; 7]; 6], unknowns: usize) -> Option<[f64; 6]> {
-    for n in 0..unknowns {
-        let pivot = rows[n][n];
-        if pivot.is_nan() || pivot <= 0.0 {
-            return None;
-        }
-        for m in n + 1..unknowns {
-            let factor = rows[m][n] / pivot;
-            (n..7).for_each(|k| rows[m][k] -= factor * rows[n][k]);
-        }
-    }
-    let mut x = [0.0; 6];
-    for n in (0..unknowns).rev() {
-        let known: f64 = (n + 1..unknowns).map(|m| rows[n][m] * x[m]).sum();
-        x[n] = (rows[n][6] - known) / rows[n][n];
-    }
-    Some(x)
 }

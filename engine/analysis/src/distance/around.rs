@@ -3,8 +3,7 @@
 //! Normals of crossings are those of the facets that they lie on. Where the input has facets smaller than cells, positions tell
 //! the normal of what the facets stand for better.
 
-use super::patch::frame;
-use crate::lattice::{dot, minus};
+use crate::lattice::{dot, frame, minus};
 
 /// How far crossings tell of the surface around a place, in cells, and how alike their normals must be.
 pub(super) const AROUND: f64 = 2.0;

@@ -5,7 +5,7 @@
 
 pub(super) use super::quadratic::{Crossing, Shape};
 use super::quadratic::{bent, roots, slope, solved};
-use crate::lattice::{dot, minus};
+use crate::lattice::{dot, frame, minus};
 
 /// Below this height of all corners over the tangent plane, in cells, a polygon is plane.
 const PLANE: f64 = 1e-5;
@@ -44,14 +44,6 @@ pub(super) struct Touch {
     pub at: [f64; 3],
     /// The unit normal there.
     pub normal: [f64; 3],
-}
-
-/// Two unit vectors that make a right-handed frame with a third (Duff et al. 2017).
-pub(super) fn frame([x, y, z]: [f64; 3]) -> [[f64; 3]; 2] {
-    let sign = 1f64.copysign(z);
-    let a = -1.0 / (sign + z);
-    let b = x * y * a;
-    [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]]
 }
 
 fn cross2(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -492,15 +484,6 @@ mod tests {
         let mut ring = Vec::new();
         let patch = Patch::new((normal.map(|c| c * radius), normal), &corners, &[], &mut ring);
         (patch, ring)
-    }
-
-    #[test]
-    fn frames_are_right_handed() {
-        for n in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, -0.64, 0.48], [-0.6, 0.64, -0.48]] {
-            let [u, v] = frame(n);
-            let w = crate::lattice::cross(u, v);
-            assert!((0..3).all(|a| (w[a] - n[a]).abs() < 1e-12));
-        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The quadratic form that a patch is bent by, and small systems of equations.
 
-use crate::lattice::{dot, minus};
+use crate::lattice::{dot, minus, solved_positive};
 
 /// How far a corner may be from the quadratic form through all, in cells; beyond, the polygon is taken as it is.
 const MISS: f64 = 0.015;
@@ -64,47 +64,27 @@ pub(super) fn bent(corners: &[[f64; 3]], slopes: &[[f64; 5]]) -> ([f64; 3], Shap
     if corners.len() < 3 || corners.iter().any(steep) {
         return ([0.0; 3], Shape::Rough);
     }
-    let mut sums = [[0.0f64; 4]; 3];
+    let (mut matrix, mut rhs) = ([[0.0f64; 3]; 3], [0.0f64; 3]);
     for [x, y, z] in corners {
         let row = [0.5 * x * x, x * y, 0.5 * y * y];
-        for (n, sum) in sums.iter_mut().enumerate() {
-            (0..3).for_each(|m| sum[m] += row[n] * row[m]);
-            sum[3] += row[n] * z;
+        for n in 0..3 {
+            (0..3).for_each(|m| matrix[n][m] += row[n] * row[m]);
+            rhs[n] += row[n] * z;
         }
     }
     for &[x, y, p, q, _] in slopes {
         for (row, value) in [([x, y, 0.0], p), ([0.0, x, y], q)] {
-            for (n, sum) in sums.iter_mut().enumerate() {
-                (0..3).for_each(|m| sum[m] += SLOPES * row[n] * row[m]);
-                sum[3] += SLOPES * row[n] * value;
+            for n in 0..3 {
+                (0..3).for_each(|m| matrix[n][m] += SLOPES * row[n] * row[m]);
+                rhs[n] += SLOPES * row[n] * value;
             }
         }
     }
     // Without neighbours what corners on two lines leave open bends as little as it can.
-    let trace = sums[0][0] + sums[1][1] + sums[2][2];
-    (0..3).for_each(|n| sums[n][n] += 1e-6 * trace);
-    let Some(bend) = eliminated(sums) else { return ([0.0; 3], Shape::Rough) };
+    let trace = matrix[0][0] + matrix[1][1] + matrix[2][2];
+    (0..3).for_each(|n| matrix[n][n] += 1e-6 * trace);
+    let Some(bend) = solved_positive(matrix, rhs, 3) else { return ([0.0; 3], Shape::Rough) };
     let miss = |[x, y, z]: &[f64; 3]| (0.5 * (bend[0] * x * x + bend[2] * y * y) + bend[1] * x * y - z).abs();
     let is_good = corners.iter().all(|corner| miss(corner) <= MISS) && bend.iter().all(|b| b.abs() < 2.0);
     if is_good { (bend, Shape::Bent) } else { ([0.0; 3], Shape::Rough) }
-}
-
-/// The solution of three equations with a positive matrix.
-fn eliminated(mut rows: [[f64; 4]; 3]) -> Option<[f64; 3]> {
-    for n in 0..3 {
-        let pivot = rows[n][n];
-        if pivot.is_nan() || pivot <= 0.0 {
-            return None;
-        }
-        for m in n + 1..3 {
-            let factor = rows[m][n] / pivot;
-            (n..4).for_each(|k| rows[m][k] -= factor * rows[n][k]);
-        }
-    }
-    let mut x = [0.0; 3];
-    for n in (0..3).rev() {
-        let known: f64 = (n + 1..3).map(|m| rows[n][m] * x[m]).sum();
-        x[n] = (rows[n][3] - known) / rows[n][n];
-    }
-    Some(x)
 }

@@ -112,7 +112,7 @@ fn least<S: Simd>(simd: S, bend: f64x8<S>, beside: f64x8<S>, radius: f64x8<S>) -
     is_near.select(zero - square / bend, (bend * radius - (beside + beside)) * radius)
 }
 
-/// See [`super::patch::frame`].
+/// See [`crate::lattice::frame`].
 #[inline(always)]
 fn frame<S: Simd>(simd: S, [x, y, z]: &[f64x8<S>; 3]) -> [[f64x8<S>; 3]; 2] {
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
@@ -124,7 +124,6 @@ fn frame<S: Simd>(simd: S, [x, y, z]: &[f64x8<S>; 3]) -> [[f64x8<S>; 3]; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::patch;
     use super::*;
     use crate::lattice::{dot, minus, mix};
     use crate::wide::{dispatch, level};
@@ -141,7 +140,7 @@ mod tests {
             let one = |n: usize| {
                 let name = 100 * round + n as u64;
                 let (at, normal) = (three(name).map(|c| 6.0 * c), unit(three(name + 1_000_000)));
-                let [u, v] = patch::frame(normal);
+                let [u, v] = crate::lattice::frame(normal);
                 let bend = [0.0, 0.2, 8.0][n % 3] * random(name + 2_000_000);
                 let corner = |[x, y]: [f64; 2]| {
                     let z = bend * (x * x - 0.4 * y * y);
@@ -161,7 +160,7 @@ mod tests {
             let found = dispatch!(level(), simd => within_reach(simd, &patches, &ball));
             for (n, patch) in patches.iter().enumerate() {
                 let normal = patch.normal.map(f64::from);
-                let [u, v] = patch::frame(normal);
+                let [u, v] = crate::lattice::frame(normal);
                 let away = minus(ball.centre, patch.at.map(f64::from));
                 let is_bent = patch.shape == Shape::Bent;
                 let within = ball.within[usize::from(!is_bent)];

@@ -305,9 +305,11 @@ fn void_of_pore(pores: &Pores, pore: &Pore, component: usize) -> Void {
 }
 
 /// What a volume may be off by though the chords along three axes agree: they may do so by chance. Half a cell for each cell
-/// along the side of a cube of that volume: of 600 random shapes one was off by more than its chords told, by 0.45 cells for each.
+/// along the side of a cube of that volume, and up to three cells of what is as small as a few, most of which may lie between
+/// samples. Of 10,002 random shapes none was off by more than its chords or this tell; capsules thinner than a cell came nearest.
 fn least_error(volume: f64, cell: f64) -> f64 {
-    0.5 * volume.max(0.0).cbrt() * cell * cell
+    let cells = volume.max(0.0) / cell.powi(3);
+    (0.5 * cells.cbrt()).max(3.0 / (1.0 + cells / 8.0)) * cell.powi(3)
 }
 
 /// The volume within the polygons, if these are closed, else that of the chords. Chords are off where

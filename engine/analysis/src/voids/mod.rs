@@ -6,7 +6,7 @@
 //! | `measure` | what is summed of a component |
 //! | `labelling` | components of the tree, joined across leaves |
 //! | `border` | leaves beyond which others are to come, and disjoint sets |
-//! | `surface` | area from the polygons of the contour |
+//! | `surface`, `bulge` | area and volume from the polygons of the contour; what lies beyond these |
 //! | `crossing`, `boundary` | crossings in a leaf; those around voids |
 //! | `outline` | crossings around each void, for other rooms |
 //! | `points` | distances between them |
@@ -31,6 +31,7 @@
 mod around;
 mod border;
 mod boundary;
+mod bulge;
 mod cad;
 mod cells;
 mod class;

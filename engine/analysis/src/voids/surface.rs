@@ -1,10 +1,10 @@
 //! Area and volume of voids from the polygons of the contour.
 //!
 //! Vertices stand on the surface where it is smooth, and each polygon is around a lattice edge of which the crossing is known
-//! exactly. Between four points of a smooth surface and its middle the surface is a paraboloid, so a polygon that meets the
-//! edge at a distance d from the crossing leaves out 2/3 d times its projection of the volume, and of its area 4/3 of the square
-//! of d along the normal. What remains is of fourth order in the cell; flat faces and sharp edges have no such rest at all.
+//! exactly. Volume and area are those of the surface that passes them all, with errors of fourth order in the cell; flat
+//! faces and sharp edges are the polygons themselves.
 
+use super::bulge::bulge;
 use super::enclosing_ball::smallest_ball;
 use super::labelling::Labelling;
 use super::wanted::WantedVoids;
@@ -20,10 +20,6 @@ use std::collections::BTreeMap;
 const DIRECTIONS: usize = 49;
 /// Bytes of these.
 pub(super) const FARTHEST_BYTES: usize = size_of::<[[f32; 3]; DIRECTIONS]>();
-/// A polygon is corrected if it misses the crossing by no more than this share of its extent: a sharp edge that is not
-/// followed may miss by more and tells nothing of curvature.
-const CURVED_MOST: f64 = 0.3;
-
 /// Sums over the polygons of a void.
 #[derive(Clone, Debug)]
 pub struct VoidSurface {
@@ -199,7 +195,7 @@ pub(super) fn surfaces(
     edge_facets(
         &voids,
         cache_bytes - label_bytes,
-        (Bend::Slight, is_wanted),
+        (Bend::Strong, is_wanted),
         progress,
         make,
         |(leaf, surfaces)| {
@@ -306,10 +302,9 @@ fn crossing(root: RootCube, key: NodeKey, facet: &EdgeFacet) -> [f64; 3] {
     root.to_world([0, 1, 2].map(|a| f64::from(key.base()[a]) + 1.0 + at[a] * step))
 }
 
-/// Adds the triangles of one polygon.
+/// Adds the triangles of one polygon, and what the surface that passes its corners and the crossing has beside them.
 fn add_polygon(surface: &mut VoidSurface, polygon: &[&EdgeFacet], crossing: [f64; 3], centre: [f64; 3]) {
-    let axis = polygon[0].axis.index();
-    let (mut area, mut vector, mut miss) = (0.0, [0.0; 3], None);
+    let (mut area, mut vector) = (0.0, [0.0; 3]);
     for facet in polygon {
         let [a, b, c] = facet.corners.map(|corner| corner.map(f64::from));
         let doubled = cross(minus(b, a), minus(c, a));
@@ -325,33 +320,13 @@ fn add_polygon(surface: &mut VoidSurface, polygon: &[&EdgeFacet], crossing: [f64
         // Seen from the void the part's outside is inward.
         surface.volume -= dot(minus(a, centre), doubled) / 6.0;
         vector = [0, 1, 2].map(|n| vector[n] + 0.5 * doubled[n]);
-        miss = miss.or_else(|| height(axis, [a, b, c], crossing));
     }
-    surface.area += area;
     surface.open = [0, 1, 2].map(|n| surface.open[n] + vector[n]);
-    let size = dot(vector, vector).sqrt();
-    if let Some(miss) = miss
-        && size > 0.0
-    {
-        let along_normal = miss * vector[axis] / size;
-        if along_normal.abs() <= CURVED_MOST * size.sqrt() {
-            // The true surface is beyond the polygon by this along the axis, on the side of the part where it is positive.
-            surface.volume -= 2.0 / 3.0 * miss * vector[axis];
-            surface.area += 4.0 / 3.0 * along_normal * along_normal;
-        }
+    surface.area += area;
+    if let Some((beyond, true_area)) = bulge(polygon, crossing, vector) {
+        surface.volume -= beyond;
+        surface.area += true_area - area;
     }
-}
-
-/// How far the crossing lies above the triangle along an axis, if the line along it through the crossing meets the triangle.
-fn height(axis: usize, corners: [[f64; 3]; 3], at: [f64; 3]) -> Option<f64> {
-    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-    let flat = corners.map(|c| [c[u] - at[u], c[v] - at[v]]);
-    let area = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-    let weights = [area(flat[1], flat[2]), area(flat[2], flat[0]), area(flat[0], flat[1])];
-    let whole: f64 = weights.iter().sum();
-    let is_within = weights.iter().all(|&w| w * whole.signum() >= -1e-9 * whole.abs());
-    (whole != 0.0 && is_within)
-        .then(|| at[axis] - (0..3).map(|n| weights[n] * corners[n][axis]).sum::<f64>() / whole)
 }
 
 /// The eigenvalues of a symmetric matrix, by Jacobi's rotations.

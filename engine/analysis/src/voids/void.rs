@@ -23,9 +23,9 @@ pub struct Void {
     /// Volume within the contour's polygons; where these do not close, the mean over the chords along three axes.
     pub volume: f64,
     /// The spread of chords, twice their mean's distance from the number of samples, as `analysis::volume` has it, and what
-    /// polygons and chords differ by; half a cell for each cell along the side at least.
+    /// surface and chords differ by; half a cell for each cell along the side, and up to three of a void of few cells, at least.
     pub volume_error: f64,
-    /// Area of the contour's polygons around it; 0 of a void that opens through a throat, which has none.
+    /// Area of the surface around it; 0 of a void that opens through a throat, which has none.
     pub surface: f64,
     /// Diameter of the largest ball in it; `None` where cells are too coarse to tell.
     pub inner_diameter: Option<f64>,

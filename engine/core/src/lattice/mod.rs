@@ -5,6 +5,7 @@
 //! 2^(24−L) units and 32 samples an axis with spacing h = 2^(19−L) at `base + i·h + 1`. Child sample `2i` is
 //! parent sample `i`: lattices nest.
 
+mod equations;
 mod facet;
 mod key;
 mod length;
@@ -12,13 +13,14 @@ mod mix;
 mod root;
 mod vector;
 
+pub use equations::solved_positive;
 pub use facet::{CubeTest, bounds, has_area, normal};
 pub use key::morton;
 pub use key::{NodeKey, Octant};
 pub use length::millimetres;
 pub use mix::{GOLDEN, hash_bits, mix};
 pub use root::RootCube;
-pub use vector::{Vector, cross, dot, length, minus, unit};
+pub use vector::{Vector, cross, dot, frame, length, minus, unit};
 
 /// log₂ of the root cube's edge in units.
 pub const ROOT_BITS: u32 = 24;

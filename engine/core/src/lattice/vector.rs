@@ -33,3 +33,27 @@ pub fn unit(a: Vector) -> Vector {
     let length = length(a);
     if length > 0.0 { a.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
 }
+
+/// Two unit vectors that make a right-handed frame with a third (Duff et al. 2017, "Building an Orthonormal Basis,
+/// Revisited").
+#[inline]
+pub fn frame([x, y, z]: Vector) -> [Vector; 2] {
+    let sign = 1f64.copysign(z);
+    let a = -1.0 / (sign + z);
+    let b = x * y * a;
+    [[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_right_handed() {
+        for n in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, -0.64, 0.48], [-0.6, 0.64, -0.48]] {
+            let [u, v] = frame(n);
+            let w = cross(u, v);
+            assert!((0..3).all(|a| (w[a] - n[a]).abs() < 1e-12));
+        }
+    }
+}
