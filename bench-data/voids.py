@@ -11,7 +11,10 @@ Each prints a table; exit status 1 if something that must hold does not. Seeds a
 import argparse
 import json
 import math
+import multiprocessing
+import os
 import pathlib
+import resource
 import subprocess
 import sys
 import tempfile
@@ -166,8 +169,6 @@ def shapes(args, folder):
 
 def partition(args, folder):
     """The components of voids are those of cc3d, up to their names."""
-    import cc3d
-
     random = np.random.default_rng(2)
     axis = args.axis
     size = axis * 31 / 32
@@ -180,27 +181,59 @@ def partition(args, folder):
     depth = int(math.log2(axis // 32))
     run(args.program, "build", stl, "-o", store, "--depth", depth, "-q")
     bad = 0
-    print("| axis | connectivity | voids | of cc3d | labels that differ | export + cc3d, s | voids, s |")
-    print("|---|---|---|---|---|---|---|")
+    print("| axis | connectivity | voids | of cc3d | labels that differ | export, s | cc3d and statistics, s | GiB | voids, s | GiB |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    # Before this process maps arrays: what it holds counts as its children's.
+    memory = {n: memory_of(args.program, store, folder, "--connectivity", n) for n in (6, 26)}
     for connectivity in (6, 26):
         labels = folder / "labels.npy"
-        _, seconds = voids(args.program, store, folder, "--connectivity", connectivity, "--labels", labels)
+        _, seconds = voids(args.program, store, folder, "--connectivity", connectivity)
+        voids(args.program, store, folder, "--connectivity", connectivity, "--labels", labels)
         began = time.time()
         run(args.program, "export", store, "--level", depth, "-o", folder / "w.npy", "-q")
-        void = np.load(folder / "w.npy") < 1
-        theirs = cc3d.connected_components(void, connectivity=connectivity)
-        cc3d.statistics(theirs)
-        their_seconds = time.time() - began
-        ours = np.load(labels)
-        theirs[theirs == theirs[0, 0, 0]] = 0
-        pairs = ours.ravel().astype(np.int64) << 32 | theirs.ravel().astype(np.int64)
-        # Most neighbours are alike, and sorting is what takes time.
-        pairs = np.unique(pairs[np.flatnonzero(np.diff(pairs, prepend=-1))])
-        own, other = len(np.unique(pairs >> 32)), len(np.unique(pairs & 0xffffffff))
+        exported = time.time() - began
+        # In a process of its own, which tells its memory.
+        theirs = multiprocessing.Process(target=label, args=(folder / "w.npy", folder / "theirs.npy", connectivity))
+        theirs.start()
+        theirs.join()
+        their_seconds, their_memory = json.loads((folder / "theirs.json").read_text())
+        pairs = compared(np.load(labels, mmap_mode="r"), np.load(folder / "theirs.npy", mmap_mode="r"))
+        own, other = (len({pair[n] for pair in pairs}) for n in range(2))
         differ = len(pairs) - min(own, other)
         bad += differ + abs(own - other)
-        print(f"| {axis} | {connectivity} | {own - 1} | {other - 1} | {differ} | {their_seconds:.1f} | {seconds:.1f} |")
+        print(f"| {axis} | {connectivity} | {own - 1} | {other - 1} | {differ} | {exported:.1f} | {their_seconds:.1f} | {their_memory:.2f} "
+              f"| {seconds:.1f} | {memory[connectivity]:.2f} |", flush=True)
     return bad
+
+
+def memory_of(program, store, folder, *options):
+    """The most memory that `voids` holds, in GiB."""
+    process = subprocess.Popen([program, "voids", store, "-o", folder / "voids.json", "-q", *map(str, options)])
+    return os.wait4(process.pid, 0)[2].ru_maxrss / 2**20
+
+
+def label(samples, out, connectivity):
+    import cc3d
+
+    began = time.time()
+    void = np.load(samples) < 1
+    theirs = cc3d.connected_components(void, connectivity=connectivity)
+    cc3d.statistics(theirs)
+    took, most = time.time() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    out.with_suffix(".json").write_text(json.dumps([took, most]))
+    np.save(out, theirs)
+
+
+def compared(ours, theirs):
+    """The pairs of labels at the same samples, slab by slab; what hangs together with the first sample is 0 in both."""
+    outside, pairs = theirs[0, 0, 0], set()
+    for one, other in zip(ours, theirs):
+        other = np.where(other == outside, 0, other)
+        both = one.ravel().astype(np.int64) << 32 | other.ravel().astype(np.int64)
+        # Most neighbours are alike, and sorting is what takes time.
+        both = np.unique(both[np.flatnonzero(np.diff(both, prepend=-1))])
+        pairs.update(zip((both >> 32).tolist(), (both & 0xffffffff).tolist()))
+    return pairs
 
 
 def ladder(args, folder):

@@ -59,11 +59,13 @@ pub(super) fn add_chords(key: NodeKey, solids: &Solids, pieces: &[PassPiece], pa
 
 /// How far beyond each own sample (j, k) the lines of a cell along an axis stand, in 256ths of a cell. They stand anywhere in
 /// their part of the cell, by a fixed draw, since lines through samples would all meet a bead that is in step with the cells in the same way.
+/// Each brick draws anew, since a bead along an axis would be met alike in all bricks along it.
 fn draws(key: NodeKey, axis: Axis) -> [Vec<[u8; 2]>; LINES] {
     let [first, second] = axis.others_in_order().map(|a| u64::from(key.first_sample()[a.index()]));
+    let along = mix(u64::from(key.first_sample()[axis.index()]));
     let cells = (0..OWN_LINES).map(|line| {
         let (j, k) = ((line % BRICK_CELLS) as u64, (line / BRICK_CELLS) as u64);
-        mix((first + j) << 32 | (second + k))
+        mix(along ^ ((first + j) << 32 | (second + k)))
     });
     let cells: Vec<u64> = cells.collect();
     std::array::from_fn(|number| {
