@@ -3,6 +3,7 @@
 
     bench-data/csg.py --program target/release/brickfield piles --a pile-1.stl --b pile-2.stl --cell 0.1mm
     bench-data/csg.py --program target/release/brickfield moves --count 10000
+    bench-data/csg.py --program target/release/brickfield part pile-45m.brf cut.brf
     bench-data/csg.py --program target/release/brickfield forms --cell 0.1
     bench-data/csg.py --program target/release/brickfield voids --count 1000
     bench-data/csg.py --program target/release/brickfield points --count 1000000
@@ -208,6 +209,22 @@ def moves(args, folder):
     told(f"machine {found['moves']} moves", seconds, f"{found['leaves']} leaves, {volume}; {phases}")
 
 
+def part(args, folder):
+    """So many moves of a ball of 4 mm that take a millimetre off the top of a part, with the memory that this takes."""
+    (x0, y0, _), (x1, y1, top) = json.loads(run(args.program, "info", "--json", args.store)[0])["bounds"]
+    points = [(x0 + (x1 - x0) * x / 100, y0 + (y1 - y0) * y / 100) for x, y in path_of(args.count)]
+    program = ["G21 G90", f"G0 X{points[0][0]:.4f} Y{points[0][1]:.4f} Z{top + 10:.4f}", f"G1 Z{top - 1:.4f}"]
+    program += [f"G1 X{x:.4f} Y{y:.4f}" for x, y in points[1:]]
+    (folder / "p.nc").write_text("\n".join(program) + "\n")
+    text, seconds = run(args.program, "machine", args.store, folder / "p.nc", "--tool", "ball:4mm", "-o", args.output, "--json",
+                        "--memory", args.memory)
+    found = json.loads(text)
+    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    volume = f"{found['removed_volume']:.3f} ± {found['removed_volume_error']:.3f} mm³"
+    phases = ", ".join(f"{name} {time:.2f}" for name, time in found["phases"])
+    told(f"machine {found['moves']} moves", seconds, f"{found['leaves']} leaves, {volume}; {phases}; {memory:.0f} MiB resident")
+
+
 def forms(args, folder):
     """Removed volumes against closed forms: a block of 20 mm."""
     pi, cone = math.pi, math.tan(math.radians(59))
@@ -290,6 +307,11 @@ def main():
     of_piles.add_argument("--a", required=True)
     of_piles.add_argument("--b", required=True)
     of_piles.add_argument("--cell", default="0.1mm")
+    of_part = commands.add_parser("part")
+    of_part.add_argument("store", type=Path)
+    of_part.add_argument("output", type=Path)
+    of_part.add_argument("--count", type=int, default=10000)
+    of_part.add_argument("--memory", default="1GiB")
     of_moves = commands.add_parser("moves")
     of_moves.add_argument("--count", type=int, default=10000)
     of_moves.add_argument("--cell", default="0.1mm")
@@ -304,7 +326,7 @@ def main():
     of_points.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        {"piles": piles, "moves": moves, "forms": forms, "voids": voids, "points": points}[args.command](args, Path(folder))
+        {"piles": piles, "moves": moves, "part": part, "forms": forms, "voids": voids, "points": points}[args.command](args, Path(folder))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 use crate::support::*;
 use brickfield_bench_data::{Mesh, shapes, write};
 use brickfield_engine::brick::{Brick, HermiteEdge, SignChanges};
-use brickfield_engine::lattice::{Axis, NodeKey};
+use brickfield_engine::lattice::{Axis, NodeKey, cross, dot, length, minus, unit};
 use brickfield_engine::store::{BrickTree, Store};
 use std::path::{Path, PathBuf};
 
@@ -422,4 +422,100 @@ fn points_at_samples_have_what_the_inputs_say() {
         );
     }
     assert!(found.iter().sum::<f64>() > 100.0);
+}
+
+/// The planes of a convex mesh: unit normals outward, and places on them.
+fn planes(mesh: &Mesh) -> Vec<([f64; 3], [f64; 3])> {
+    let plane = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| mesh.vertices[v as usize]);
+        (unit(cross(minus(b, a), minus(c, a))), a)
+    };
+    let mut planes: Vec<([f64; 3], [f64; 3])> = Vec::new();
+    for (normal, at) in mesh.triangles.iter().map(plane) {
+        if !planes.iter().any(|(other, _)| dot(*other, normal) > 0.9999) {
+            planes.push((normal, at));
+        }
+    }
+    planes
+}
+
+/// Where faces of one convex mesh meet those of another: the edges that a Boolean makes of them.
+fn new_edges(one: &Mesh, other: &Mesh) -> Vec<[[f64; 3]; 2]> {
+    let (first, second) = (planes(one), planes(other));
+    let mut edges = Vec::new();
+    for ((n, p), (m, q)) in first.iter().flat_map(|a| second.iter().map(move |b| (*a, *b))) {
+        let along = cross(n, m);
+        let square = dot(along, along);
+        if square < 1e-6 {
+            continue;
+        }
+        let (c, d) = (dot(n, p), dot(m, q));
+        let [u, v] = [cross(m, along), cross(along, n)];
+        let at: [f64; 3] = std::array::from_fn(|a| (c * u[a] + d * v[a]) / square);
+        let (mut from, mut to) = (f64::MIN, f64::MAX);
+        for (normal, on) in first.iter().chain(&second) {
+            let (rate, gap) = (dot(*normal, along), dot(*normal, minus(*on, at)));
+            if rate > 1e-9 {
+                to = to.min(gap / rate);
+            } else if rate < -1e-9 {
+                from = from.max(gap / rate);
+            } else if gap < -1e-9 {
+                to = f64::MIN;
+            }
+        }
+        if from < to {
+            edges.push([from, to].map(|t| std::array::from_fn(|a| at[a] + t * along[a])));
+        }
+    }
+    edges
+}
+
+fn to_segment(p: [f64; 3], [a, b]: [[f64; 3]; 2]) -> f64 {
+    let (along, from) = (minus(b, a), minus(p, a));
+    let t = (dot(along, from) / dot(along, along)).clamp(0.0, 1.0);
+    length(std::array::from_fn(|n| from[n] - t * along[n]))
+}
+
+#[test]
+fn edges_where_two_bodies_meet_are_sharp() {
+    let (mut creased, mut worst) = (0, 0.0f64);
+    for seed in 0..3 {
+        let dir = Scratch::new();
+        let angle = 0.3 + 0.41 * f64::from(seed);
+        let body = cuboid([-9.0, -7.0, -6.0], [9.0, 7.0, 6.0]).rotated([1.0, 2.0, 3.0], angle);
+        let taken = cuboid([-4.0, -5.0, -8.0], [5.0, 4.0, 8.0])
+            .rotated([2.0, -1.0, 1.5], 0.8 - angle)
+            .translated([4.0, 3.0, 2.0]);
+        let [a, b, out, stl] = ["a.brf", "b.brf", "out.brf", "out.stl"].map(|name| dir.path(name));
+        let [of_a, of_b] =
+            [("a.stl", &body), ("b.stl", &taken)].map(|(n, m)| mesh(&dir, n, std::slice::from_ref(m)));
+        run(&[&"build", &of_a, &"-o", &a, &"--cell", &"0.2", &"-q"]).ok();
+        run(&[&"build", &of_b, &"-o", &b, &"--like", &a, &"-q"]).ok();
+        run(&[&"csg", &a, &"--minus", &b, &"-o", &out, &"-q"]).ok();
+        run(&[&"mesh", &out, &"-o", &stl, &"--follow-creases", &"--check", &"-q"]).ok();
+        let store = Store::open(&out, 0).unwrap();
+        let (root, depth) = (store.meta().root, store.meta().depth);
+        let (cell, step) = (root.spacing(depth), f64::from(1u32 << (19 - depth)));
+        let edges = new_edges(&body, &taken);
+        assert!(edges.len() >= 6, "{seed}: {}", edges.len());
+        let near = |p: [f64; 3]| edges.iter().map(|edge| to_segment(p, *edge)).fold(f64::MAX, f64::min);
+        let ends =
+            |p: [f64; 3]| edges.iter().flatten().map(|end| length(minus(p, *end))).fold(f64::MAX, f64::min);
+        for corner in facets_of(&stl).into_iter().flatten() {
+            let p = corner.map(f64::from);
+            let places = root.to_units(p).map(|u| (u - 1.0) / step);
+            // What keeps triangles apart stands on faces of cells.
+            if places.iter().any(|place| (place - place.round()).abs() < 1e-3) {
+                continue;
+            }
+            // The edge passes through the middle of the vertex's cell, so that the cell's edges see both faces.
+            let middle = places.map(|place| (place.floor() + 0.5) * step + 1.0);
+            if near(root.to_world(middle)) < 0.2 * cell && ends(p) > 2.0 * cell {
+                (creased, worst) = (creased + 1, worst.max(near(p) / cell));
+            }
+        }
+    }
+    assert!(creased > 500, "{creased}");
+    println!("{worst} cells of {creased}");
+    assert!(worst <= 0.02, "{worst} cells, of {creased}");
 }
