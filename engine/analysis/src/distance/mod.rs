@@ -31,6 +31,7 @@
 //! | `sample_box` | boxes of samples, which both halve |
 //! | `deviation` | signed distances from a reference, both ways |
 //! | `align` | a part laid over a reference |
+//! | `triangle` | the nearest point of one triangle |
 //! | `triangles` | the triangles of a mesh |
 //! | `triangle_sort` | triangles sorted by place, in a file where they are too many |
 //! | `numbers` | a number for each of many points |
@@ -72,6 +73,7 @@ mod tally;
 #[cfg(test)]
 mod tests;
 pub mod thickness;
+mod triangle;
 mod triangle_sort;
 mod triangles;
 

@@ -3,8 +3,10 @@
 //! The crossing and its normal are exact, and corners stand on the surface to the fourth order. The quadratic form through
 //! them is the surface to the third order, and a plane where the surface is plane.
 
+use super::boxes::{Block, block_of};
 pub(super) use super::quadratic::{Crossing, Shape};
 use super::quadratic::{bent, roots, slope, solved};
+use super::triangle::{nearest_of_triangle, through_triangle};
 use crate::lattice::{dot, frame, minus};
 
 /// Below this height of all corners over the tangent plane, in cells, a polygon is plane.
@@ -98,60 +100,6 @@ fn clamped(ring: &[[f32; 3]], x: [f64; 2]) -> [f64; 2] {
     best.1
 }
 
-/// The point of a triangle that is nearest to `p` (Ericson 2005, §5.1.5).
-pub(super) fn nearest_of_triangle(p: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
-    let (ab, ac, ap) = (minus(b, a), minus(c, a), minus(p, a));
-    let (d1, d2) = (dot(ab, ap), dot(ac, ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return a;
-    }
-    let bp = minus(p, b);
-    let (d3, d4) = (dot(ab, bp), dot(ac, bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return b;
-    }
-    let on = |from: [f64; 3], along: [f64; 3], t: f64| std::array::from_fn(|n| from[n] + t * along[n]);
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return on(a, ab, if d1 > d3 { d1 / (d1 - d3) } else { 0.0 });
-    }
-    let cp = minus(p, c);
-    let (d5, d6) = (dot(ab, cp), dot(ac, cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return c;
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return on(a, ac, if d2 > d6 { d2 / (d2 - d6) } else { 0.0 });
-    }
-    let va = d3 * d6 - d5 * d4;
-    let (s, t) = (d4 - d3, d5 - d6);
-    if va <= 0.0 && s >= 0.0 && t >= 0.0 {
-        return on(b, minus(c, b), if s + t > 0.0 { s / (s + t) } else { 0.0 });
-    }
-    let sum = va + vb + vc;
-    if sum <= 0.0 {
-        return a;
-    }
-    std::array::from_fn(|n| a[n] + ab[n] * (vb / sum) + ac[n] * (vc / sum))
-}
-
-/// What a ray of this direction, from p, passes through: how far along it the triangle's plane is met, where it is met within
-/// the triangle.
-pub(super) fn through_triangle(p: [f64; 3], d: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> Option<f64> {
-    let (ab, ac) = (minus(b, a), minus(c, a));
-    let q = crate::lattice::cross(d, ac);
-    let turn = dot(ab, q);
-    if turn == 0.0 {
-        return None;
-    }
-    let away = minus(p, a);
-    let u = dot(away, q) / turn;
-    let r = crate::lattice::cross(away, ab);
-    let v = dot(d, r) / turn;
-    (u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9).then_some(dot(ac, r) / turn)
-}
-
 impl Patch {
     /// Around a crossing with an exact normal. `corners` are those of its polygon, counter-clockwise from outside; they are
     /// added to `ring`, in the frame of the normal. `beside` are crossings of polygons that share a corner.
@@ -221,6 +169,12 @@ impl Patch {
         let [xx, xy, yy] = self.bend.map(f64::from);
         let bend = 0.5 * (xx + yy).abs() + (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
         (corners, if is_bent { 0.5 * bend * flat + 1e-4 } else { 1e-5 })
+    }
+
+    /// A box around all of it. Corners do not bound a saddle: between them it may stand higher than all.
+    pub fn block(&self, rings: &[[f32; 3]]) -> Block {
+        let (corners, margin) = self.slab(rings);
+        block_of(corners.chain(std::iter::once(self.at.map(f64::from))), margin)
     }
 
     /// The area of the polygon.
@@ -484,6 +438,47 @@ mod tests {
         let mut ring = Vec::new();
         let patch = Patch::new((normal.map(|c| c * radius), normal), &corners, &[], &mut ring);
         (patch, ring)
+    }
+
+    #[test]
+    fn boxes_hold_all_of_saddles_and_bowls() {
+        let (normal, at) = ([0.0, 0.0, 1.0], [5.0, 6.0, 7.0]);
+        let [u, v] = frame(normal);
+        let place = |[x, y, z]: [f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|a| at[a] + x * u[a] + y * v[a] + z * normal[a])
+        };
+        let mut bent = 0;
+        for (n, [xx, xy, yy]) in [[0.3, 0.01, -0.3], [0.3, 0.1, 0.2], [0.4, 0.0, -0.39], [-0.2, 0.2, 0.1]]
+            .into_iter()
+            .flat_map(|bend| (0..16).map(move |n| (n, bend)))
+        {
+            let height = |[x, y]: [f64; 2]| 0.5 * (xx * x * x + yy * y * y) + xy * x * y;
+            let corners: Vec<[f64; 3]> = (0..4)
+                .map(|c| {
+                    let turn = (f64::from(c) + f64::from(n) / 16.0) * std::f64::consts::FRAC_PI_2;
+                    let flat = [0.7 * turn.cos(), 0.7 * turn.sin()];
+                    place([flat[0], flat[1], height(flat)])
+                })
+                .collect();
+            let mut ring = Vec::new();
+            // Corners on two lines leave open what crossings around tell.
+            let beside = [[0.9, 0.1], [-0.2, 0.8], [-0.7, -0.3], [0.3, -0.9]].map(|[x, y]: [f64; 2]| {
+                let turned = unit([-(xx * x + xy * y), -(xy * x + yy * y), 1.0]);
+                (place([x, y, height([x, y])]), turned)
+            });
+            let patch = Patch::new((at, normal), &corners, &beside, &mut ring);
+            bent += u32::from(patch.shape == Shape::Bent);
+            let [low, high] = patch.block(&ring);
+            for (i, j) in (0..=8).flat_map(|i| (0..=8).map(move |j| (i, j))) {
+                // A place of the polygon, by its corners.
+                let (s, t) = (f64::from(i) / 8.0, f64::from(j) / 8.0);
+                let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t];
+                let flat = [0, 1].map(|a| (0..4).map(|c| weights[c] * f64::from(ring[c][a])).sum::<f64>());
+                let on = place([flat[0], flat[1], patch.height(flat).0]);
+                assert!((0..3).all(|a| f64::from(low[a]) <= on[a] && on[a] <= f64::from(high[a])), "{on:?}");
+            }
+        }
+        assert!(bent > 50, "{bent}");
     }
 
     #[test]

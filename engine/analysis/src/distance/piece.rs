@@ -80,13 +80,7 @@ impl Piece {
     }
 
     fn boxed(mut self) -> Piece {
-        let block = |patch: &Patch| {
-            // A bent patch reaches beyond its corners by no more than they stand above its plane.
-            let ring = patch.ring(&self.rings);
-            let highest = ring.iter().fold(0.0f64, |most, c| most.max(f64::from(c[2].abs())));
-            let points = patch.corners(&self.rings).chain(std::iter::once(patch.at.map(f64::from)));
-            block_of(points, if patch.shape == Shape::Bent { highest + 1e-4 } else { 1e-5 })
-        };
+        let block = |patch: &Patch| patch.block(&self.rings);
         let normals = self.patches.iter().map(normals);
         let boxes = Boxes::new(self.patches.iter().map(block), RUN).with_normals(normals);
         let (mut points, mut ends) = (Vec::with_capacity(self.rings.len() + self.patches.len()), Vec::new());

@@ -1,8 +1,8 @@
 //! The triangles of a mesh, found by place: exact distances, and signs by winding numbers.
 
 use super::boxes::{Boxes, Lanes, Normals, Probe, Question, block_of, reciprocals};
-use super::patch::nearest_of_triangle;
 use super::spilled::{Spill, Spilled};
+use super::triangle::nearest_of_triangle;
 use super::triangle_sort::{
     Extent, FacetCorners, PartSorter, TRIANGLE_BYTES, area_normal, bytes_of, corners_of, parts, read_all,
 };
