@@ -2,7 +2,8 @@
 //!
 //! The instances for Vulkan, with and without copies to and from the device, need one, which a software driver can be, and
 //! the validation layer, which must have nothing to say. They are ignored by default, for a machine may have neither:
-//! `cargo test --test vulkan -- --ignored` runs them, and fails without them.
+//! `cargo test --test vulkan -- --ignored --test-threads 1` runs them, and fails without them. One at a time: the validation
+//! layer reads its table of devices while other threads may write to it.
 
 #[path = "vulkan/backend.rs"]
 mod backend;
