@@ -290,7 +290,7 @@ fn a_full_disk_is_an_error_and_what_was_committed_stays() {
 #[test]
 fn a_full_disk_ends_analyses_and_leaves_nothing() {
     let dir = Scratch::new();
-    let (store, other) = (dir.store("clover_beads", 1), stl("clover_beads"));
+    let (store, other) = (dir.store("clover_beads", 1), stl(part_or_all("clover_model", "clover_beads")));
     let moves = dir.file("moves.nc", "G21 G90\nG0 X60 Y100 Z24\nG1 X140 F500\nM30\n");
     let commands: [(&str, &[&dyn AsRef<OsStr>]); 10] = [
         ("walls.ply", &[&"thickness", &store]),

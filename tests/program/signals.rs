@@ -94,7 +94,8 @@ fn interrupt_at_parts(dir: &Scratch, output: &str, args: &[&dyn AsRef<OsStr>]) -
 #[test]
 fn interrupted_analyses_leave_nothing() {
     let dir = Scratch::new();
-    let (store, other) = (dir.store("clover_beads", part_or_all(1, 2)), stl("clover_beads"));
+    let store = dir.store("clover_beads", part_or_all(1, 2));
+    let other = stl(part_or_all("clover_model", "clover_beads"));
     let commands: [(&str, &[&dyn AsRef<OsStr>]); 4] = [
         ("walls.ply", &[&"thickness", &store]),
         ("walls.glb", &[&"thickness", &store, &"--method", &"ray"]),
