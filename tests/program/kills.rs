@@ -294,7 +294,7 @@ fn a_full_disk_ends_analyses_and_leaves_nothing() {
     let moves = dir.file("moves.nc", "G21 G90\nG0 X60 Y100 Z24\nG1 X140 F500\nM30\n");
     let commands: [(&str, &[&dyn AsRef<OsStr>]); 10] = [
         ("walls.ply", &[&"thickness", &store]),
-        ("apart.ply", &[&"deviation", &store, &other]),
+        ("apart.ply", &[&"deviation", &store, &other, &"--align", &"shift"]),
         ("grown.brf", &[&"offset", &store, &"--by", &"0.5mm"]),
         ("cut.brf", &[&"csg", &store, &"--minus", &"sphere 100,100,12,r20"]),
         ("milled.brf", &[&"machine", &store, &moves, &"--tool", &"ball:6mm"]),

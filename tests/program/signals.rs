@@ -99,7 +99,7 @@ fn interrupted_analyses_leave_nothing() {
     let commands: [(&str, &[&dyn AsRef<OsStr>]); 4] = [
         ("walls.ply", &[&"thickness", &store]),
         ("walls.glb", &[&"thickness", &store, &"--method", &"ray"]),
-        ("apart.ply", &[&"deviation", &store, &other]),
+        ("apart.ply", &[&"deviation", &store, &other, &"--align", &"shift"]),
         ("grown.brf", &[&"offset", &store, &"--by", &"0.5mm"]),
     ];
     for (output, args) in commands {

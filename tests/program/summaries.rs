@@ -67,8 +67,11 @@ fn errors_of_many_voids_and_pairs_do_not_add_up_to_all_of_them() {
     let part = dir.path("clover.brf");
     // All seventeen layers, or the first four.
     let whole = std::fs::read_to_string(example("clover.gcode")).unwrap();
-    let layers: Vec<&str> = whole.split_inclusive(";LAYER_CHANGE\n").take(part_or_all(5, 99)).collect();
-    let input = dir.file("clover.gcode", layers.concat());
+    let layers: Vec<&str> = whole.split_inclusive(";LAYER_CHANGE\n").collect();
+    // After the last layer come the slicer's settings.
+    let settings = whole.rsplit_once("M107\n").unwrap().1;
+    let first = layers[..5].concat() + settings;
+    let input = dir.file("clover.gcode", part_or_all(first, whole.clone()));
     run(&[&"build", &input, &"-o", &part, &"--identity", &"-q"]).ok_but_for("empty");
     for command in ["layers", "overlap"] {
         let line = table(&dir, command, &part, &[]);
