@@ -124,20 +124,26 @@ fn flat_walls_are_left_undivided() {
     let tolerances = [0.05, 0.2, 1.0];
     let [boxes, turned] = [file("overlap_boxes.stl"), turned_box().facets().collect()];
     // Their edges lie along the lattice, so one brick holds all of them.
-    let of_boxes = all_are_within("overlap_boxes", &boxes, 4, &tolerances);
+    let some = |n: usize| part_or_all(&tolerances[n..=n], &tolerances);
+    let of_boxes = all_are_within("overlap_boxes", &boxes, 4, some(0));
     assert!(of_boxes.iter().all(|outcome| outcome.leaves[1] == 1));
-    let of_turned = all_are_within("turned box", &turned, 4, &tolerances);
+    let of_turned = all_are_within("turned box", &turned, 4, some(1));
     assert!(of_turned.iter().all(|outcome| 2 * outcome.leaves[1] < outcome.leaves[0]));
     assert!(of_turned.iter().all(|outcome| 3 * outcome.triangles[1] < 2 * outcome.triangles[0]));
     let others = [cuboid([4.0, 2.0, 1.0], [12.0, 5.0, 9.0]).rotated([3.0, 1.0, 0.5], 0.8)];
     let union: Soup = turned_box().facets().chain(others[0].facets()).collect();
-    let of_union = all_are_within("union of turned boxes", &union, 4, &tolerances);
+    let of_union = all_are_within("union of turned boxes", &union, 4, some(2));
     assert!(of_union.iter().all(|outcome| 4 * outcome.leaves[1] < 3 * outcome.leaves[0]));
 }
 
 #[test]
 fn real_parts_stay_within_the_tolerance() {
-    let all = [("clover_model", 4), ("spot40_model", 3), ("featuretype50_model", 3), ("clover_beads", 3)];
+    let all = [
+        ("clover_model", part_or_all(3, 4)),
+        ("spot40_model", 3),
+        ("featuretype50_model", 3),
+        ("clover_beads", 3),
+    ];
     for (name, depth) in all {
         let tolerances = part_or_all(&[0.2][..], &[0.05, 0.2, 1.0]);
         all_are_within(name, &file(&format!("{name}.stl")), depth, tolerances);
@@ -250,12 +256,15 @@ fn triangles_of_mixed_trees_meet_nowhere() {
         let soup = file(&format!("{name}.stl"));
         let root = root_of(&soup);
         let deviating_by = |stddev| TreeOptions { refine: Refine::Stddev, stddev, ..at_depth(3) };
-        // One of either kind in any case, and all of them for some file.
+        // One of either kind, by turns, in any case.
+        let [is_deviating, is_fitting] = [0, 1].map(|kind| part_or_all(n % 2 == kind, true));
         let [some, others] = [[0.1, 0.2, 0.3], [0.2, 1.0, 0.2]].map(|all| [all[n % 3]]);
         let deviating = part_or_all(&some[..], &[0.1, 0.2, 0.3]).iter();
-        let deviating =
-            deviating.map(|&stddev| build_in_memory(&[&soup], root, deviating_by(stddev)).expect("a tree"));
-        let fitting = part_or_all(&others[..], &[0.2, 1.0]).iter().map(|&cells| tree_of(&soup, 3, cells));
+        let deviating = deviating
+            .filter(|_| is_deviating)
+            .map(|&stddev| build_in_memory(&[&soup], root, deviating_by(stddev)).expect("a tree"));
+        let fitting = part_or_all(&others[..], &[0.2, 1.0]).iter();
+        let fitting = fitting.filter(|_| is_fitting).map(|&cells| tree_of(&soup, 3, cells));
         for tree in deviating.chain(fitting) {
             let (mesh, mixed) = mesh_of(&tree);
             assert_eq!(meetings(&mesh), [0, 0], "{name}");
@@ -263,7 +272,7 @@ fn triangles_of_mixed_trees_meet_nowhere() {
         }
     }
     println!("{between} cells next to finer bricks");
-    assert!(between > part_or_all(1600, 4000), "{between}");
+    assert!(between > part_or_all(800, 4000), "{between}");
 }
 
 proptest! {

@@ -5,6 +5,7 @@ use super::distance::stl_of;
 use crate::support::*;
 use brickfield_bench_data::judge::mesh::{MeshFindings, check_file};
 use brickfield_bench_data::{Mesh, shapes};
+use brickfield_core::sweep::part_or_all;
 use serde_json::Value;
 use std::path::Path;
 
@@ -79,7 +80,7 @@ fn what_a_part_encloses_and_what_is_small_is_left_out_and_said() {
     .concat();
     let input = dir.file("pieces.stl", binary_stl(pieces.len() as u32, &pieces));
     let store = dir.path("pieces.brf");
-    run(&[&"build", &input, &"-o", &store, &"--depth", &"2", &"-q"]).ok();
+    run(&[&"build", &input, &"-o", &store, &"--depth", &part_or_all("1", "2"), &"-q"]).ok();
     let volume = |words: &[&str]| {
         let json = meshed(&store, &out, words);
         judged(&out, json["volume"].as_f64().unwrap(), 1e-6).signed_volume
@@ -116,7 +117,7 @@ fn inside_out(facets: Vec<Facet>) -> Vec<Facet> {
 #[test]
 fn triangles_are_as_many_as_asked_for_and_files_as_large() {
     let dir = Scratch::new();
-    let store = dir.store("clover_beads", 3);
+    let store = dir.store("clover_beads", part_or_all(2, 3));
     let out = dir.path("a.ply");
     let json = meshed(&store, &out, &["--triangles", "3000"]);
     let triangles = json["triangles"].as_u64().unwrap();
@@ -127,7 +128,7 @@ fn triangles_are_as_many_as_asked_for_and_files_as_large() {
     let triangles = json["triangles"].as_u64().unwrap();
     assert!((2700..=3000).contains(&triangles), "{triangles}");
     // Between two whole numbers of cells: several samples in each.
-    let whole = meshed(&store, &out, &["--detail", "0.9mm"]);
+    let whole = meshed(&store, &out, &["--detail", part_or_all("1.8mm", "0.9mm")]);
     let factor = whole["detail"]["factor"].as_u64().unwrap();
     assert!(factor > 1, "{whole}");
     let asked = whole["triangles"].as_u64().unwrap() * 3 / 2;

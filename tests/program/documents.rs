@@ -108,6 +108,7 @@ fn with_inputs(is_whole: bool) -> Scratch {
     let build = |store: &str, more: &str| {
         let mut command = program();
         command.current_dir(dir.path("")).args(["build", "part.gcode", "-o", store, more]);
+        command.args(part_or_all(WIDE_CELLS, "").split_whitespace());
         Run::from(command.output().expect("it runs")).ok();
         fs::read(dir.path(store)).expect("it is there")
     };
@@ -171,6 +172,39 @@ fn sphere() -> Vec<[f64; 3]> {
     (0..count).map(point).collect()
 }
 
+/// Cells of the user's toolpath in commands that say nothing of them: half as wide again as they would be.
+const WIDE_CELLS: &str = " --cell 0.12mm";
+
+/// A command that gives what it gives in the document in a fraction of the time: pictures smaller than their usual size, and
+/// wide cells. What the repository has a picture of is made as it says.
+fn quicker(page: &str, command: &str) -> String {
+    let drawn = command.split_whitespace().find(|word| word.ends_with("png"));
+    let is_kept = drawn.is_some_and(|name| example("pictures").join(name).exists());
+    let words: Vec<&str> = command.split(' ').collect();
+    let mut quicker = command.to_owned();
+    if words[0] != "brickfield" || is_kept {
+        return quicker;
+    }
+    match words[1] {
+        "render" => {
+            let size = words.iter().position(|word| *word == "--size");
+            match size {
+                Some(at) => quicker = command.replace(words[at + 1], "200x150"),
+                None => quicker += " --size 200x150",
+            }
+        }
+        "build" if page.ends_with("/pictures.md") => {}
+        "build"
+            if words[2] == "part.gcode" && !command.contains("--cell") && !command.contains("--depth") =>
+        {
+            quicker += WIDE_CELLS;
+        }
+        "build" => quicker = command.replace("--cell 0.17mm", "--cell 0.4mm"),
+        _ => {}
+    }
+    quicker
+}
+
 /// Runs the commands of a page from top to bottom in a folder of its own.
 #[track_caller]
 fn run_page(page: &str, is_whole: bool) -> Scratch {
@@ -184,7 +218,9 @@ fn run_page(page: &str, is_whole: bool) -> Scratch {
     let path = path.expect("paths");
     for command in &commands {
         let mut shell = Command::new("bash");
-        shell.arg("-c").arg(command).current_dir(dir.path("")).env("PATH", &path).stdin(Stdio::null());
+        let quicker = quicker(page, command);
+        shell.arg("-c").arg(part_or_all(&quicker, command)).current_dir(dir.path(""));
+        shell.env("PATH", &path).stdin(Stdio::null());
         let output = shell.output().expect("bash is there");
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
         // A machine without a driver has no devices to list, and says so.

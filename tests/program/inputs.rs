@@ -566,11 +566,7 @@ fn a_folder_of_files_is_run_through() {
     assert_eq!(std::fs::read_to_string(&csv).unwrap().lines().count(), rows.len() + 1);
     // A limit that is too small is told as such.
     let mut command = Command::new("python3");
-    command.arg(example("corpus.py")).arg(corpus.join("boxes.stl")).args([
-        "--no-build",
-        "--seconds",
-        "0.001",
-    ]);
+    command.arg(example("corpus.py")).arg(corpus.join("boxes.stl")).args(["--no-build", "--seconds", "1e-9"]);
     let ran: Run =
         command.arg("--program").arg(env!("CARGO_BIN_EXE_brickfield")).output().expect("it runs").into();
     assert!(ran.status == Some(1) && ran.stdout.contains("TIMEOUT"), "{}{}", ran.stdout, ran.stderr);

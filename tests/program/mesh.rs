@@ -289,12 +289,13 @@ fn normals_depend_on_neither_threads_nor_memory() {
     words.extend([&part as &dyn AsRef<OsStr>, &"-o", &mixed, &"--depth", &depth, &"--quiet"]);
     words.extend(deviating);
     run(&words).ok();
-    let beads = dir.store("clover_beads", 3);
+    let beads = dir.store("clover_beads", part_or_all(2, 3));
+    let level = part_or_all("1", "2");
     let all = [
         (&mixed, &[][..], "ply"),
         (&beads, &["--tolerance", "0.1"][..], "obj"),
         (&beads, &["--method", "mc", "--iso", "1.5"][..], "glb"),
-        (&beads, &["--level", "2"][..], "ply"),
+        (&beads, &["--level", level][..], "ply"),
         (&beads, &["--follow-creases"][..], "ply"),
         (&mixed, &["--follow-creases", "--tolerance", "0.1"][..], "obj"),
     ];

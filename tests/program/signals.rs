@@ -94,11 +94,12 @@ fn interrupt_at_parts(dir: &Scratch, output: &str, args: &[&dyn AsRef<OsStr>]) -
 #[test]
 fn interrupted_analyses_leave_nothing() {
     let dir = Scratch::new();
-    let (store, other) = (dir.store("clover_beads", part_or_all(1, 2)), stl("clover_beads"));
+    let store = dir.store("clover_beads", part_or_all(1, 2));
+    let other = stl(part_or_all("clover_model", "clover_beads"));
     let commands: [(&str, &[&dyn AsRef<OsStr>]); 4] = [
         ("walls.ply", &[&"thickness", &store]),
         ("walls.glb", &[&"thickness", &store, &"--method", &"ray"]),
-        ("apart.ply", &[&"deviation", &store, &other]),
+        ("apart.ply", &[&"deviation", &store, &other, &"--align", &"shift"]),
         ("grown.brf", &[&"offset", &store, &"--by", &"0.5mm"]),
     ];
     for (output, args) in commands {

@@ -1,6 +1,7 @@
 //! The lines that commands print: every number that is not exact has its error, and both hold.
 
 use crate::support::*;
+use brickfield_core::sweep::part_or_all;
 use std::path::{Path, PathBuf};
 
 /// The numbers before and after each "±" of a text.
@@ -64,7 +65,14 @@ fn tables_say_what_they_hold_in_the_digits_that_it_deserves() {
 fn errors_of_many_voids_and_pairs_do_not_add_up_to_all_of_them() {
     let dir = Scratch::new();
     let part = dir.path("clover.brf");
-    run(&[&"build", &example("clover.gcode"), &"-o", &part, &"--identity", &"-q"]).ok_but_for("empty");
+    // All seventeen layers, or the first four.
+    let whole = std::fs::read_to_string(example("clover.gcode")).unwrap();
+    let layers: Vec<&str> = whole.split_inclusive(";LAYER_CHANGE\n").collect();
+    // After the last layer come the slicer's settings.
+    let settings = whole.rsplit_once("M107\n").unwrap().1;
+    let first = layers[..5].concat() + settings;
+    let input = dir.file("clover.gcode", part_or_all(first, whole.clone()));
+    run(&[&"build", &input, &"-o", &part, &"--identity", &"-q"]).ok_but_for("empty");
     for command in ["layers", "overlap"] {
         let line = table(&dir, command, &part, &[]);
         let [value, error] = measured(&line)[0];
@@ -75,5 +83,5 @@ fn errors_of_many_voids_and_pairs_do_not_add_up_to_all_of_them() {
     let rows = found["voids"].as_array().unwrap();
     let single: f64 = rows.iter().map(|row| row["volume_error"].as_f64().unwrap()).sum();
     let all = found["void_volume_error"].as_f64().unwrap();
-    assert!(rows.len() > 1000 && all < 0.95 * single, "{all} {single}");
+    assert!(rows.len() > part_or_all(200, 1000) && all < 0.95 * single, "{all} {single}");
 }

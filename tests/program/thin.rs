@@ -31,6 +31,14 @@ fn warned(input: &Path, more: &[&str], out: &Path) -> (Option<String>, serde_jso
     (warning, serde_json::from_str(&stdout).unwrap())
 }
 
+/// Whether a mesh was said to lack what the samples have, and its summary.
+#[track_caller]
+fn told(Run { status, stdout, stderr, .. }: Run) -> (bool, serde_json::Value) {
+    assert_eq!(status, Some(0), "{stderr}");
+    let apart = stderr.lines().any(|line| line.contains("farther apart than their errors"));
+    (apart, serde_json::from_str(&stdout).unwrap())
+}
+
 #[test]
 fn a_plate_thinner_than_a_cell_is_told_and_whole_on_request() {
     let dir = Scratch::new();
@@ -51,9 +59,14 @@ fn a_plate_thinner_than_a_cell_is_told_and_whole_on_request() {
     let full = warned(&plate(), &["--depth", "5"], &dir.path("full.brf")).1;
     let leaves = |json: &serde_json::Value| json["leaves"].as_u64().unwrap();
     assert!(leaves(&json) < leaves(&full), "{} {}", leaves(&json), leaves(&full));
-    run(&[&"mesh", &fine, &"-o", &mesh, &"--tolerance", &"0.001mm"]).ok();
+    let (apart, told) = told(run(&[&"mesh", &fine, &"-o", &mesh, &"--tolerance", &"0.001mm", &"--json"]));
     let report = check_file(&mesh).unwrap();
     assert!(report.is_balanced() && report.is_edge_manifold() && report.is_vertex_manifold(), "{report:?}");
+    // The mesh and the samples agree; of other levels and values nothing is compared.
+    assert!(!apart && (told["volume"].as_f64().unwrap() / 2000.0 - 1.0).abs() < 1e-3, "{told}");
+    let (_, told) =
+        self::told(run(&[&"mesh", &fine, &"-o", &dir.path("2.stl"), &"--level", &"2", &"--json"]));
+    assert!(told["expected"].is_null());
     assert!((report.signed_volume / 2000.0 - 1.0).abs() < 1e-3, "{report:?}");
     assert_eq!(report.components, 2, "{report:?}");
     // A greater depth than is needed costs nothing, and the levels below may be given by their number.
@@ -65,7 +78,7 @@ fn a_plate_thinner_than_a_cell_is_told_and_whole_on_request() {
     );
     let text = run(&[&"info", &deep]).ok();
     assert!(text.contains("refined  hidden to level 3, thin walls and gaps below"), "{text}");
-    run(&[&"verify", &deep]).ok();
+    run(&[&"verify", part_or_all(&fine, &deep)]).ok();
 }
 
 /// A block of 90 × 80 × 70 with a fin of 20 × 20 × 0.1: the fin has no holes, and little but the fin is divided.
@@ -206,11 +219,6 @@ fn what_thin_walls_do_not_go_with_is_refused() {
 fn a_mesh_that_lacks_what_the_samples_have_is_told() {
     let dir = Scratch::new();
     let (store, mesh) = (dir.path("a.brf"), dir.path("a.stl"));
-    let told = |Run { status, stdout, stderr, .. }: Run| {
-        assert_eq!(status, Some(0), "{stderr}");
-        let apart = stderr.lines().any(|line| line.contains("farther apart than their errors"));
-        (apart, serde_json::from_str::<serde_json::Value>(&stdout).unwrap())
-    };
     let (apart, json) =
         told(run(&[&"build", &plate(), &"-o", &store, &"--depth", &"3", &"--mesh", &mesh, &"--json"]));
     let volume = |json: &serde_json::Value, name: &str| json[name].as_f64().unwrap();
@@ -218,10 +226,4 @@ fn a_mesh_that_lacks_what_the_samples_have_is_told() {
     assert_eq!(json["mesh"]["expected"]["whose"], "source");
     assert!((volume(&json["mesh"]["expected"], "volume") / 2000.0 - 1.0).abs() < 1e-3, "{json}");
     assert!(told(run(&[&"mesh", &store, &"-o", &mesh, &"--json"])).0);
-    // Whole, the two agree; of other levels and values nothing is compared.
-    run(&[&"build", &plate(), &"-o", &store, &"--depth", &"3", &"--max-depth", &"5", &"--restart"]).ok();
-    let (apart, json) = told(run(&[&"mesh", &store, &"-o", &mesh, &"--tolerance", &"0.01", &"--json"]));
-    assert!(!apart && (volume(&json, "volume") / 2000.0 - 1.0).abs() < 1e-3, "{json}");
-    let (_, json) = told(run(&[&"mesh", &store, &"-o", &mesh, &"--level", &"2", &"--json"]));
-    assert!(json["expected"].is_null());
 }

@@ -226,6 +226,7 @@ mod tests {
     use super::*;
     use crate::brick::codec::encode;
     use proptest::prelude::*;
+    use std::sync::LazyLock;
 
     fn frame_of(position: &mut u64, nodes: &[(crate::lattice::NodeKey, bool)]) -> Vec<IndexEntry> {
         let entry = |&(key, leaf)| {
@@ -307,7 +308,8 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_are_read_or_refused(at in any::<prop::sample::Index>(), value in any::<u64>(), bits in 0u32..64) {
-            let (_, mut bytes, ends) = journal();
+            static WHOLE: LazyLock<(JournalHead, Vec<u8>, Vec<usize>)> = LazyLock::new(journal);
+            let (mut bytes, ends) = (WHOLE.1.clone(), &WHOLE.2);
             let at = at.index(bytes.len() - 8);
             bytes[at..at + 8].copy_from_slice(&(value >> bits).to_le_bytes());
             // The head's checksum made to fit, so that what it protects is met.
