@@ -92,7 +92,8 @@ fn pairs_of_beads_add_up_to_the_samples_exactly() {
             run(&[&"overlap", &part, &"-o", &other, &"--by", &by, &"-q"]).ok();
             let rows = json(&other)["overlaps"].as_array().unwrap().clone();
             let same: f64 = rows.iter().map(|row| number(row, "volume")).sum();
-            assert!(rows.len() <= most && (same / volume - 1.0).abs() < 1e-4, "{by}: {same} {volume}");
+            // Each row is rounded to the digits that it deserves.
+            assert!(rows.len() <= most && (same / volume - 1.0).abs() < 5e-4, "{by}: {same} {volume}");
         }
         let text = std::fs::read_to_string(&out).unwrap();
         for threads in part_or_all(&["3"][..], &["1", "3"]) {

@@ -9,7 +9,7 @@ use super::labelling::{Component, Labelling, label};
 use super::points::{ByComponent, Point, PointTree, gap, inscribed};
 use super::pores::{Pore, Pores, pores};
 use super::sealed::{SealFindings, SubcellField, sealed};
-use super::surface::{FARTHEST_BYTES, VoidSurface, surfaces};
+use super::surface::{FARTHEST_BYTES, SurfacePurpose, VoidSurface, surfaces};
 use super::totals::Total;
 use super::trace::{Trace, has_sparse_infill};
 use super::void::{Seal, Void};
@@ -19,6 +19,7 @@ use crate::progress::Progress;
 use crate::soup::Facets;
 use crate::store::{BrickTree, Store};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Bytes that a point of a boundary takes while distances are measured.
 const POINT_BYTES: u64 = 64;
@@ -197,10 +198,18 @@ impl Voids {
         let count = measured.iter().filter(|is_measured| **is_measured).count();
         let rest = (options.memory / 2).saturating_sub(count as u64 * VOID_BYTES).max(LEAST_BYTES);
         let cache_bytes = usize::try_from(rest).unwrap_or(usize::MAX);
-        let (cell, bricks) = (root.spacing(store.meta().depth), (cache_bytes, options.meshes));
+        let cell = root.spacing(store.meta().depth);
+        let mut meshes = BTreeMap::new();
+        if options.meshes {
+            let purpose = (cache_bytes, SurfacePurpose::Meshes);
+            let mut keep = |component, surface: VoidSurface| drop(meshes.insert(component, surface.mesh));
+            surfaces(store, labelling, &centre, purpose, progress, &mut keep)?;
+        }
         let mut found = Vec::with_capacity(count);
-        surfaces(store, labelling, &centre, bricks, progress, |component, surface| {
-            found.push(void_of(labelling, component, surface, (root, cell)));
+        let purpose = (cache_bytes, SurfacePurpose::Measures);
+        surfaces(store, labelling, &centre, purpose, progress, |component, surface| {
+            let mesh = meshes.remove(&component).unwrap_or_default();
+            found.push(Void { mesh, ..void_of(labelling, component, surface, (root, cell)) });
         })?;
         self.take(measured, found, (root, cell));
         if options.detail == Detail::Volumes {
@@ -364,7 +373,7 @@ fn void_of(
         trace: None,
         elongation: surface.elongation(),
         projected: Some(surface.projected),
-        mesh: surface.mesh,
+        mesh: Vec::new(),
     }
 }
 

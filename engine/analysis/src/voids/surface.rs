@@ -158,6 +158,15 @@ impl VoidSurface {
     }
 }
 
+/// What surfaces are made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SurfacePurpose {
+    /// To be measured: vertices stand on strongly bent surfaces as well, so that some triangles cross.
+    Measures,
+    /// To be written as meshes, with followed creases.
+    Meshes,
+}
+
 /// The surfaces of the components that `centre` gives a point to measure from, in the world. Calls `each` with a component and
 /// its surface as soon as that is complete; no surface is kept longer.
 ///
@@ -167,13 +176,17 @@ pub(super) fn surfaces(
     tree: &dyn BrickTree,
     labelling: &Labelling,
     centre: &(dyn Fn(usize) -> Option<[f64; 3]> + Sync),
-    (cache_bytes, meshes): (usize, bool),
+    (cache_bytes, purpose): (usize, SurfacePurpose),
     progress: &dyn Progress,
     mut each: impl FnMut(usize, VoidSurface) + Send,
 ) -> Result<()> {
     // Corners have coordinates of 32 bits.
     let origin = if MovedTree::is_far(tree) { MovedTree::middle(tree) } else { [0.0; 3] };
     let tree = &MovedTree::new(tree, origin);
+    let (bend, meshes) = match purpose {
+        SurfacePurpose::Measures => (Bend::Strong, false),
+        SurfacePurpose::Meshes => (Bend::Slight, true),
+    };
     let directions = directions();
     let wanted = (0..labelling.components.len()).map(|component| centre(component).is_some()).collect();
     // A part of the memory is for labels of leaves that wait for their vertices.
@@ -192,30 +205,23 @@ pub(super) fn surfaces(
         Ok((leaf as u32, surfaces))
     };
     let mut rest: BTreeMap<usize, VoidSurface> = BTreeMap::new();
-    edge_facets(
-        &voids,
-        cache_bytes - label_bytes,
-        (Bend::Strong, is_wanted),
-        progress,
-        make,
-        |(leaf, surfaces)| {
-            for (component, surface) in surfaces {
-                let [first, last] = spans[component];
-                if first == last {
-                    each(component, surface.moved(origin));
-                    continue;
-                }
-                rest.entry(component).or_default().add(surface, &directions);
-                if leaf == last
-                    && let Some(mut surface) = rest.remove(&component)
-                {
-                    surface.complete();
-                    each(component, surface.moved(origin));
-                }
+    edge_facets(&voids, cache_bytes - label_bytes, (bend, is_wanted), progress, make, |(leaf, surfaces)| {
+        for (component, surface) in surfaces {
+            let [first, last] = spans[component];
+            if first == last {
+                each(component, surface.moved(origin));
+                continue;
             }
-            Ok(())
-        },
-    )?;
+            rest.entry(component).or_default().add(surface, &directions);
+            if leaf == last
+                && let Some(mut surface) = rest.remove(&component)
+            {
+                surface.complete();
+                each(component, surface.moved(origin));
+            }
+        }
+        Ok(())
+    })?;
     // The last leaves of these have nothing of their surfaces.
     for (component, mut surface) in rest {
         surface.complete();
