@@ -186,6 +186,15 @@ def path_of(count):
     return points
 
 
+def cut(*command):
+    """Runs `machine` with `--json`, and prints what it tells."""
+    text, seconds = run(*command)
+    found = json.loads(text)
+    volume = f"{found['removed_volume']:.3f} ± {found['removed_volume_error']:.3f} mm³"
+    phases = ", ".join(f"{name} {time:.2f}" for name, time in found["phases"])
+    told(f"machine {found['moves']} moves", seconds, f"{found['leaves']} leaves, {volume}; {phases}")
+
+
 def moves(args, folder):
     """So many moves of a ball of 1 mm over a plate, and a build of as many segments of beads as wide."""
     points = path_of(args.count)
@@ -202,11 +211,7 @@ def moves(args, folder):
     told("build of the plate", run(args.program, "build", folder / "plate.stl", "-o", plate, "--cell", args.cell, "-q")[1])
     told(f"build of {len(points) - 1} segments",
          run(args.program, "build", folder / "p.gcode", "-o", folder / "b.brf", "--cell", args.cell, "-q")[1])
-    text, seconds = run(args.program, "machine", plate, folder / "p.nc", "--tool", "ball:1mm", "-o", out, "--json")
-    found = json.loads(text)
-    volume = f"{found['removed_volume']:.3f} ± {found['removed_volume_error']:.3f} mm³"
-    phases = ", ".join(f"{name} {time:.2f}" for name, time in found["phases"])
-    told(f"machine {found['moves']} moves", seconds, f"{found['leaves']} leaves, {volume}; {phases}")
+    cut(args.program, "machine", plate, folder / "p.nc", "--tool", "ball:1mm", "-o", out, "--json")
 
 
 def part(args, folder):
@@ -216,13 +221,9 @@ def part(args, folder):
     program = ["G21 G90", f"G0 X{points[0][0]:.4f} Y{points[0][1]:.4f} Z{top + 10:.4f}", f"G1 Z{top - 1:.4f}"]
     program += [f"G1 X{x:.4f} Y{y:.4f}" for x, y in points[1:]]
     (folder / "p.nc").write_text("\n".join(program) + "\n")
-    text, seconds = run(args.program, "machine", args.store, folder / "p.nc", "--tool", "ball:4mm", "-o", args.output, "--json",
-                        "--memory", args.memory)
-    found = json.loads(text)
-    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    volume = f"{found['removed_volume']:.3f} ± {found['removed_volume_error']:.3f} mm³"
-    phases = ", ".join(f"{name} {time:.2f}" for name, time in found["phases"])
-    told(f"machine {found['moves']} moves", seconds, f"{found['leaves']} leaves, {volume}; {phases}; {memory:.0f} MiB resident")
+    cut(args.program, "machine", args.store, folder / "p.nc", "--tool", "ball:4mm", "-o", args.output, "--json",
+        "--memory", args.memory)
+    print(f"{resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024:.0f} MiB resident at most")
 
 
 def forms(args, folder):

@@ -184,10 +184,9 @@ def partition(args, folder):
     print("| axis | connectivity | voids | of cc3d | labels that differ | export, s | cc3d and statistics, s | GiB | voids, s | GiB |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     # Before this process maps arrays: what it holds counts as its children's.
-    memory = {n: memory_of(args.program, store, folder, "--connectivity", n) for n in (6, 26)}
+    alone = {n: taken(args.program, store, folder, "--connectivity", n) for n in (6, 26)}
     for connectivity in (6, 26):
         labels = folder / "labels.npy"
-        _, seconds = voids(args.program, store, folder, "--connectivity", connectivity)
         voids(args.program, store, folder, "--connectivity", connectivity, "--labels", labels)
         began = time.time()
         run(args.program, "export", store, "--level", depth, "-o", folder / "w.npy", "-q")
@@ -202,14 +201,16 @@ def partition(args, folder):
         differ = len(pairs) - min(own, other)
         bad += differ + abs(own - other)
         print(f"| {axis} | {connectivity} | {own - 1} | {other - 1} | {differ} | {exported:.1f} | {their_seconds:.1f} | {their_memory:.2f} "
-              f"| {seconds:.1f} | {memory[connectivity]:.2f} |", flush=True)
+              f"| {alone[connectivity][0]:.1f} | {alone[connectivity][1]:.2f} |", flush=True)
     return bad
 
 
-def memory_of(program, store, folder, *options):
-    """The most memory that `voids` holds, in GiB."""
+def taken(program, store, folder, *options):
+    """The seconds that `voids` takes, and the most memory that it holds, in GiB."""
+    began = time.time()
     process = subprocess.Popen([program, "voids", store, "-o", folder / "voids.json", "-q", *map(str, options)])
-    return os.wait4(process.pid, 0)[2].ru_maxrss / 2**20
+    most = os.wait4(process.pid, 0)[2].ru_maxrss / 2**20
+    return time.time() - began, most
 
 
 def label(samples, out, connectivity):

@@ -516,6 +516,5 @@ fn edges_where_two_bodies_meet_are_sharp() {
         }
     }
     assert!(creased > 500, "{creased}");
-    println!("{worst} cells of {creased}");
     assert!(worst <= 0.02, "{worst} cells, of {creased}");
 }

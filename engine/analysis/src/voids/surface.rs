@@ -163,7 +163,7 @@ impl VoidSurface {
 pub(super) enum SurfacePurpose {
     /// To be measured: vertices stand on strongly bent surfaces as well, so that some triangles cross.
     Measures,
-    /// To be written as meshes, with followed creases.
+    /// To be written as meshes, with followed creases; nothing is measured.
     Meshes,
 }
 
@@ -265,6 +265,7 @@ fn of_leaf(
                 let [a, b, c] = facet.corners;
                 [a, c, b]
             }));
+            continue;
         }
         add_polygon(surface, polygon, crossing(root, key, edge), *centre);
         polygon.iter().for_each(|facet| vertices.extend(facet.corners));
