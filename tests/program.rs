@@ -49,6 +49,7 @@ mod program {
     mod usage;
     #[cfg(feature = "view")]
     mod view;
+    mod void_meshes;
     mod voids;
     mod volume_files;
     mod volume_inputs;

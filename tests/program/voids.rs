@@ -70,7 +70,7 @@ fn a_part_without_voids_is_an_empty_table() {
     }
 }
 
-fn json(path: &std::path::Path) -> serde_json::Value {
+pub fn json(path: &std::path::Path) -> serde_json::Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
@@ -117,7 +117,7 @@ fn voids_that_the_cad_part_has_are_pockets() {
 }
 
 /// A block with a cavity as OBJ, moved.
-fn hollow_block(by: [f64; 3]) -> String {
+pub fn hollow_block(by: [f64; 3]) -> String {
     let cavity = shapes::cuboid([-0.7, -0.5, -0.3], [0.7, 0.5, 0.3]).rotated([1.0, 2.0, 3.0], 0.7);
     let pieces = [shapes::cuboid([0.0; 3], [8.0, 4.0, 2.0]), cavity.translated([3.1, 2.2, 1.1]).flipped()];
     let mut text = String::new();

@@ -68,18 +68,21 @@ pub struct VoidsArgs {
     /// List voids, too, that open to the outside only through throats narrower than this, as in 0.8mm
     #[arg(long, value_name = "LEN")]
     pub closing: Option<Length>,
-    /// Also write the voids as meshes, largest first: .ply, whose faces have the property void, .obj, a group each, or
-    /// .3mf, an object each in the colour of its class
-    #[arg(long = "mesh", value_name = "OUT.ply|.obj|.3mf")]
+    /// Also write the voids as closed meshes, largest first: .ply and .vtp, whose faces have the number void, .obj, a group each,
+    /// or .3mf, an object each in the colour of its class
+    #[arg(long = "mesh", value_name = "OUT.ply|.obj|.vtp|.3mf")]
     pub mesh: Option<PathBuf>,
     /// Also write the number of the void at each sample of the deepest level, 0 at all others: an array (z, y, x) of
-    /// 32-bit integers, with a description beside it. Voids that open through a throat are left out
+    /// 32-bit integers, with a description beside it
     #[arg(long, value_name = "OUT.npy")]
     pub labels: Option<PathBuf>,
     /// Memory for bricks, boundaries and the grid of --closing, as in 512MiB. With less the grid is coarser, and some distances stay
     /// empty
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
     pub memory: Size,
+    /// Folder of a temporary file for pieces of --mesh; that of the mesh by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
     /// How to read the store
     #[arg(long, value_enum, default_value_t)]
     pub io: IoArg,

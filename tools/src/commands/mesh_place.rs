@@ -40,12 +40,14 @@ pub(super) struct PlaceWish {
     pub single: bool,
     /// Which other formats have 64 bits, as words that follow "write".
     pub double_formats: &'static str,
+    /// Whether the command has --origin.
+    pub has_origin: bool,
 }
 
 impl Default for PlaceWish {
     fn default() -> PlaceWish {
         let double_formats = ".ply, .obj or .vtp without normals";
-        PlaceWish { double: false, origin: None, single: false, double_formats }
+        PlaceWish { double: false, origin: None, single: false, double_formats, has_origin: true }
     }
 }
 
@@ -86,7 +88,8 @@ impl MeshPlace {
             _ => None,
         };
         let root = chosen.map_or(root, |origin| MovedTree::new(store, origin).root());
-        let remedy = format!("write {}, which have 64, or give --origin auto", wish.double_formats);
+        let or_origin = if wish.has_origin { ", or give --origin auto" } else { "" };
+        let remedy = format!("write {}, which have 64{or_origin}", wish.double_formats);
         require_single(store, root, output, &remedy)?;
         Ok(chosen.map_or(MeshPlace::World, MeshPlace::Shifted))
     }

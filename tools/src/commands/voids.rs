@@ -98,7 +98,6 @@ pub fn run(args: &VoidsArgs) -> Result<(), Failure> {
         memory: args.memory.0,
         cad: cad.as_ref(),
         closing,
-        meshes: args.mesh.is_some(),
         detail: Detail::All,
         source: source.as_deref(),
     };

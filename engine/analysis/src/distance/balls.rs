@@ -35,7 +35,7 @@ impl BallTree {
     pub fn new(medium: &Medium<'_>, memory: u64, folder: &Path, progress: &dyn Progress) -> Result<BallTree> {
         let leaves = medium.surface.leaves().len();
         progress.phase("balls", Some(leaves as u64), "bricks");
-        let mut groups = Spilled::new(memory, folder);
+        let mut groups = Spilled::of_about(leaves, memory, folder);
         let (mut largest, mut blocks) = (Vec::new(), Vec::new());
         let make = |_: &mut (), leaf: usize| {
             progress.check()?;

@@ -30,13 +30,28 @@ pub(super) struct Spilled<T> {
     /// Bytes of all while they are in memory.
     here: Option<u64>,
     memory: u64,
+    /// How many there will be at most, if that is known.
+    expected: Option<usize>,
 }
 
 impl<T: Spill> Spilled<T> {
     /// None yet, in so many bytes of memory, with a file in `folder` for what does not fit.
     pub fn new(memory: u64, folder: &Path) -> Spilled<T> {
         let cache = BrickCache::new(memory);
-        Spilled { held: Vec::new(), file: TempFile::new(folder), cache, here: Some(0), memory }
+        Spilled {
+            held: Vec::new(),
+            file: TempFile::new(folder),
+            cache,
+            here: Some(0),
+            memory,
+            expected: None,
+        }
+    }
+
+    /// The same, to hold so many: fails as soon as they do not fit into memory if the disk has no room for all of them, which are
+    /// taken to be as large as those before.
+    pub fn of_about(count: usize, memory: u64, folder: &Path) -> Spilled<T> {
+        Spilled { expected: Some(count), ..Spilled::new(memory, folder) }
     }
 
     pub fn len(&self) -> usize {
@@ -59,9 +74,17 @@ impl<T: Spill> Spilled<T> {
                     *held = append(&mut self.file, &**group)?;
                 }
             }
+            self.require_room()?;
         }
         self.held.push(append(&mut self.file, &group)?);
         Ok(())
+    }
+
+    /// Fails if the disk has no room for those that are still to come.
+    fn require_room(&self) -> Result<()> {
+        let (held, Some(expected)) = (self.held.len(), self.expected) else { return Ok(()) };
+        let still = expected.saturating_sub(held) as f64 / held.max(1) as f64;
+        self.file.require_room((self.file.bytes() as f64 * still) as u64)
     }
 
     /// A group, to keep for a while.
@@ -123,6 +146,17 @@ mod tests {
         fn heap_bytes(&self) -> usize {
             100
         }
+    }
+
+    #[test]
+    fn too_many_for_the_disk_are_refused_when_the_first_go_to_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut few: Spilled<u64> = Spilled::of_about(100, 1000, folder.path());
+        (0..100).for_each(|n| few.push(n).unwrap());
+        let mut many: Spilled<u64> = Spilled::of_about(usize::MAX, 1000, folder.path());
+        (0..10).for_each(|n| many.push(n).unwrap());
+        let refused = many.push(10).unwrap_err().to_string();
+        assert!(refused.contains("are free; make room"), "{refused}");
     }
 
     #[test]

@@ -39,7 +39,10 @@ impl Surface {
         // Facets have coordinates of 32 bits: far from the origin they are those of a tree about its middle.
         let moved = MovedTree::new(tree, MovedTree::middle(tree));
         let placed: &dyn BrickTree = if MovedTree::is_far(tree) { &moved } else { tree };
-        let (mut keys, mut pieces, mut patches) = (Vec::new(), Spilled::new(memory, folder), 0);
+        let is_crossed =
+            |key: &NodeKey| tree.node(*key).is_some_and(|node| node.leaf && node.min < 1 && node.max >= 1);
+        let crossed = tree.keys().iter().filter(|key| is_crossed(key)).count();
+        let (mut keys, mut pieces, mut patches) = (Vec::new(), Spilled::of_about(crossed, memory, folder), 0);
         let (mut blocks, mut normals) = (Vec::new(), Vec::new());
         let caches = (memory / 2).clamp(16 << 20, 512 << 20);
         let make = |key: NodeKey, facets: &[_]| {

@@ -143,7 +143,7 @@ impl Triangles {
         }
         let size = (0..3).map(|a| high[a] - low[a]).fold(f32::MIN_POSITIVE, f32::max);
         let extent = Extent::new(low, size);
-        let mut groups = Spilled::new(memory, folder);
+        let mut groups = Spilled::of_about(count.div_ceil(GROUP), memory, folder);
         let (mut blocks, mut rest) = (Vec::new(), Vec::new());
         let parts = parts(sources, extent, count, memory, progress)?;
         progress.phase("sorting the reference", Some(total), "facets");

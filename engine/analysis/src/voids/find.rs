@@ -9,7 +9,7 @@ use super::labelling::{Component, Labelling, label};
 use super::points::{ByComponent, Point, PointTree, gap, inscribed};
 use super::pores::{Pore, Pores, pores};
 use super::sealed::{SealFindings, SubcellField, sealed};
-use super::surface::{FARTHEST_BYTES, SurfacePurpose, VoidSurface, surfaces};
+use super::surface::{FARTHEST_BYTES, VoidSurface, surfaces};
 use super::totals::Total;
 use super::trace::{Trace, has_sparse_infill};
 use super::void::{Seal, Void};
@@ -19,7 +19,6 @@ use crate::progress::Progress;
 use crate::soup::Facets;
 use crate::store::{BrickTree, Store};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// Bytes that a point of a boundary takes while distances are measured.
 const POINT_BYTES: u64 = 64;
@@ -49,8 +48,6 @@ pub struct VoidOptions<'a> {
     pub cad: Option<&'a Store>,
     /// Voids count, too, that open to the outside only through throats narrower than this, in the store's unit.
     pub closing: Option<f64>,
-    /// Whether voids keep their triangles.
-    pub meshes: bool,
     /// What is asked of voids.
     pub detail: Detail,
     /// The closed meshes that the store was built from, to tell what lies between samples.
@@ -67,7 +64,6 @@ impl Default for VoidOptions<'_> {
             cad: None,
             source: None,
             closing: None,
-            meshes: false,
             detail: Detail::All,
         }
     }
@@ -199,17 +195,9 @@ impl Voids {
         let rest = (options.memory / 2).saturating_sub(count as u64 * VOID_BYTES).max(LEAST_BYTES);
         let cache_bytes = usize::try_from(rest).unwrap_or(usize::MAX);
         let cell = root.spacing(store.meta().depth);
-        let mut meshes = BTreeMap::new();
-        if options.meshes {
-            let purpose = (cache_bytes, SurfacePurpose::Meshes);
-            let mut keep = |component, surface: VoidSurface| drop(meshes.insert(component, surface.mesh));
-            surfaces(store, labelling, &centre, purpose, progress, &mut keep)?;
-        }
         let mut found = Vec::with_capacity(count);
-        let purpose = (cache_bytes, SurfacePurpose::Measures);
-        surfaces(store, labelling, &centre, purpose, progress, |component, surface| {
-            let mesh = meshes.remove(&component).unwrap_or_default();
-            found.push(Void { mesh, ..void_of(labelling, component, surface, (root, cell)) });
+        surfaces(store, labelling, &centre, cache_bytes, progress, |component, surface| {
+            found.push(void_of(labelling, component, surface, (root, cell)));
         })?;
         self.take(measured, found, (root, cell));
         if options.detail == Detail::Volumes {
@@ -309,7 +297,6 @@ fn void_of_pore(pores: &Pores, pore: &Pore, component: usize) -> Void {
         trace: None,
         elongation: None,
         projected: None,
-        mesh: Vec::new(),
     }
 }
 
@@ -373,7 +360,6 @@ fn void_of(
         trace: None,
         elongation: surface.elongation(),
         projected: Some(surface.projected),
-        mesh: Vec::new(),
     }
 }
 

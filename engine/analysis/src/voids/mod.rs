@@ -7,6 +7,8 @@
 //! | `labelling` | components of the tree, joined across leaves |
 //! | `border` | leaves beyond which others are to come, and disjoint sets |
 //! | `surface`, `bulge` | area and volume from the polygons of the contour; what lies beyond these |
+//! | `wanted` | a tree without the surfaces of all other voids |
+//! | `meshes`, `mesh_piece` | closed meshes of voids; what leaves have of them |
 //! | `crossing`, `boundary` | crossings in a leaf; those around voids |
 //! | `outline` | crossings around each void, for other rooms |
 //! | `points` | distances between them |
@@ -46,6 +48,8 @@ mod labelling;
 mod labels;
 mod matter;
 mod measure;
+mod mesh_piece;
+mod meshes;
 mod outline;
 mod place;
 mod points;
@@ -65,6 +69,7 @@ pub use find::{Detail, VoidOptions, Voids, find};
 pub use labelling::{Component, Labelling, label};
 pub use labels::write_labels;
 pub use measure::Sums;
+pub use meshes::{VoidMeshOptions, VoidMeshSink, write_meshes};
 pub use outline::{BoundaryPoint, boundary_points};
 pub use place::VoidPlaces;
 pub use slabs::{Slab, slabs};

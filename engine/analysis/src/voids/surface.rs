@@ -37,8 +37,6 @@ pub struct VoidSurface {
     second: [[f64; 3]; 3],
     /// Those of first order.
     first: [f64; 3],
-    /// Its triangles, if they were asked for, turned to face out of the void.
-    pub mesh: Vec<[[f32; 3]; 3]>,
     /// The farthest vertices in some directions, once it has any and until it is complete.
     farthest: Option<Box<[[f32; 3]; DIRECTIONS]>>,
     /// The diameter of the smallest ball around these, once it is complete.
@@ -58,7 +56,6 @@ impl Default for VoidSurface {
             projected: [0.0; 3],
             second: [[0.0; 3]; 3],
             first: [0.0; 3],
-            mesh: Vec::new(),
             farthest: None,
             diameter: 0.0,
         }
@@ -67,7 +64,6 @@ impl Default for VoidSurface {
 
 impl VoidSurface {
     fn add(&mut self, other: VoidSurface, directions: &Directions) {
-        self.mesh.extend(&other.mesh);
         for a in 0..3 {
             self.projected[a] += other.projected[a];
             self.first[a] += other.first[a];
@@ -140,7 +136,6 @@ impl VoidSurface {
     fn moved(mut self, by: [f64; 3]) -> VoidSurface {
         let place = |at: [f64; 3]| std::array::from_fn(|a| at[a] + by[a]);
         self.bounds = self.bounds.map(place);
-        self.mesh.iter_mut().flatten().for_each(|at| *at = place(at.map(f64::from)).map(|c| c as f32));
         self
     }
 
@@ -158,15 +153,6 @@ impl VoidSurface {
     }
 }
 
-/// What surfaces are made for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SurfacePurpose {
-    /// To be measured: vertices stand on strongly bent surfaces as well, so that some triangles cross.
-    Measures,
-    /// To be written as meshes, with followed creases; nothing is measured.
-    Meshes,
-}
-
 /// The surfaces of the components that `centre` gives a point to measure from, in the world. Calls `each` with a component and
 /// its surface as soon as that is complete; no surface is kept longer.
 ///
@@ -176,28 +162,24 @@ pub(super) fn surfaces(
     tree: &dyn BrickTree,
     labelling: &Labelling,
     centre: &(dyn Fn(usize) -> Option<[f64; 3]> + Sync),
-    (cache_bytes, purpose): (usize, SurfacePurpose),
+    cache_bytes: usize,
     progress: &dyn Progress,
     mut each: impl FnMut(usize, VoidSurface) + Send,
 ) -> Result<()> {
     // Corners have coordinates of 32 bits.
     let origin = if MovedTree::is_far(tree) { MovedTree::middle(tree) } else { [0.0; 3] };
     let tree = &MovedTree::new(tree, origin);
-    let (bend, meshes) = match purpose {
-        SurfacePurpose::Measures => (Bend::Strong, false),
-        SurfacePurpose::Meshes => (Bend::Slight, true),
-    };
     let directions = directions();
     let wanted = (0..labelling.components.len()).map(|component| centre(component).is_some()).collect();
     // A part of the memory is for labels of leaves that wait for their vertices.
     let label_bytes = cache_bytes / 8;
-    let voids = WantedVoids::new(tree, labelling, wanted, label_bytes);
+    let voids = WantedVoids::new(tree, (labelling, None), wanted, label_bytes);
     let is_wanted = |key: NodeKey| voids.is_in(labelling.order.covering(key));
     let spans = labelling.leaf_spans();
     let centre = |component: usize| centre(component).map_or([0.0; 3], |centre| minus(centre, origin));
     let make = |key: NodeKey, facets: &[EdgeFacet]| {
         let leaf = labelling.order.covering(key);
-        let mut surfaces = of_leaf(key, facets, (&voids, labelling), (&centre, meshes), &directions)?;
+        let mut surfaces = of_leaf(key, facets, &voids, labelling, &centre, &directions)?;
         let is_whole = |component: &usize| spans[*component] == [leaf as u32; 2];
         for (_, surface) in surfaces.iter_mut().filter(|(component, _)| is_whole(component)) {
             surface.complete();
@@ -205,23 +187,30 @@ pub(super) fn surfaces(
         Ok((leaf as u32, surfaces))
     };
     let mut rest: BTreeMap<usize, VoidSurface> = BTreeMap::new();
-    edge_facets(&voids, cache_bytes - label_bytes, (bend, is_wanted), progress, make, |(leaf, surfaces)| {
-        for (component, surface) in surfaces {
-            let [first, last] = spans[component];
-            if first == last {
-                each(component, surface.moved(origin));
-                continue;
+    edge_facets(
+        &voids,
+        cache_bytes - label_bytes,
+        (Bend::Strong, is_wanted),
+        progress,
+        make,
+        |(leaf, surfaces)| {
+            for (component, surface) in surfaces {
+                let [first, last] = spans[component];
+                if first == last {
+                    each(component, surface.moved(origin));
+                    continue;
+                }
+                rest.entry(component).or_default().add(surface, &directions);
+                if leaf == last
+                    && let Some(mut surface) = rest.remove(&component)
+                {
+                    surface.complete();
+                    each(component, surface.moved(origin));
+                }
             }
-            rest.entry(component).or_default().add(surface, &directions);
-            if leaf == last
-                && let Some(mut surface) = rest.remove(&component)
-            {
-                surface.complete();
-                each(component, surface.moved(origin));
-            }
-        }
-        Ok(())
-    })?;
+            Ok(())
+        },
+    )?;
     // The last leaves of these have nothing of their surfaces.
     for (component, mut surface) in rest {
         surface.complete();
@@ -244,8 +233,9 @@ struct LeafSurface {
 fn of_leaf(
     key: NodeKey,
     facets: &[EdgeFacet],
-    (voids, labelling): (&WantedVoids<'_>, &Labelling),
-    (centre, meshes): (&dyn Fn(usize) -> [f64; 3], bool),
+    voids: &WantedVoids<'_>,
+    labelling: &Labelling,
+    centre: &dyn Fn(usize) -> [f64; 3],
     directions: &Directions,
 ) -> Result<BTreeMap<usize, VoidSurface>> {
     let (root, leaf) = (voids.root(), labelling.order.covering(key));
@@ -254,19 +244,9 @@ fn of_leaf(
     let mut surfaces: BTreeMap<usize, LeafSurface> = BTreeMap::new();
     for polygon in in_polygons(facets).chunk_by(|a, b| (a.axis, a.low) == (b.axis, b.low)) {
         let edge = polygon[0];
-        let mut outer = edge.low;
-        outer[edge.axis.index()] += usize::from(edge.low_is_inside);
-        let of = || labelling.of(leaf, labels.as_ref()?.at(outer)?);
-        let Some(component) = only.or_else(of) else { continue };
+        let Some(component) = only.or_else(|| labels.as_ref()?.at(edge.outer())) else { continue };
         let new = || LeafSurface { centre: centre(component), ..LeafSurface::default() };
         let LeafSurface { surface, centre, vertices } = surfaces.entry(component).or_insert_with(new);
-        if meshes {
-            surface.mesh.extend(polygon.iter().map(|facet| {
-                let [a, b, c] = facet.corners;
-                [a, c, b]
-            }));
-            continue;
-        }
         add_polygon(surface, polygon, crossing(root, key, edge), *centre);
         polygon.iter().for_each(|facet| vertices.extend(facet.corners));
     }

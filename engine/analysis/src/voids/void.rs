@@ -47,8 +47,6 @@ pub struct Void {
     pub elongation: Option<f64>,
     /// Areas of the shadows along x, y and z, of which parts that lie behind others count as well.
     pub projected: Option<[f64; 3]>,
-    /// The triangles of its boundary, if they were asked for: counter-clockwise seen from outside of the void.
-    pub mesh: Vec<[[f32; 3]; 3]>,
 }
 
 impl Void {

@@ -2,7 +2,8 @@
 
 use super::components::{Components, Run};
 use super::labelling::Labelling;
-use crate::brick::{Brick, Hermite, Samples, SignChanges};
+use super::pores::{Pores, component_at, place_of};
+use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, RootCube};
 use crate::store::{BrickTree, NodeInfo};
@@ -10,35 +11,52 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A tree whose only void is that of some components: what else is outside counts as solid, and has no crossings. Samples and
-/// crossings of those components are as they were, and so are counts in the solid.
+/// All samples of a row.
+const ALL: u64 = (1 << BRICK_POINTS) - 1;
+
+/// A tree whose only void is that of some components and pores: what else is outside counts as solid, and has no crossings.
+/// Samples and crossings of those components are as they were, and so are counts in the solid. Where a pore ends in void its
+/// boundary is half way between samples.
 pub(super) struct WantedVoids<'a> {
     tree: &'a dyn BrickTree,
     labelling: &'a Labelling,
-    /// By component.
+    pores: Option<&'a Pores>,
+    /// By component, and behind these by pore.
     wanted: Vec<bool>,
+    /// By leaf, whether a wanted component lies in it, or a pore may.
+    is_in: Vec<bool>,
     labels: KeptLabels,
 }
 
-/// Of the runs of samples of wanted voids in a leaf the rows, k·33 + j, and the labels.
-pub(super) struct WantedRuns(Vec<(u16, Run)>);
+/// Samples of a row that follow each other in a wanted void.
+struct WantedRun {
+    /// The row, k·33 + j.
+    row: u16,
+    /// The first sample, and the one behind the last.
+    from: u8,
+    to: u8,
+    /// The component, or behind all components the pore.
+    void: u32,
+}
+
+/// The runs of samples of wanted voids in a leaf, in order.
+pub(super) struct WantedRuns(Vec<WantedRun>);
 
 impl WantedRuns {
-    fn of(components: &Components, kept: &[bool]) -> WantedRuns {
-        let mut runs = Vec::new();
-        for row in 0..BRICK_POINTS * BRICK_POINTS {
-            let own = components.row(row % BRICK_POINTS, row / BRICK_POINTS).iter();
-            runs.extend(own.filter(|run| kept[usize::from(run.label)]).map(|run| (row as u16, *run)));
-        }
-        runs.shrink_to_fit();
-        WantedRuns(runs)
+    /// The wanted void of a sample.
+    pub fn at(&self, [i, j, k]: [usize; 3]) -> Option<usize> {
+        let (row, i) = ((k * BRICK_POINTS + j) as u16, i as u8);
+        let run = self.0.get(self.0.partition_point(|run| (run.row, run.to) <= (row, i)))?;
+        (run.row == row && run.from <= i).then_some(run.void as usize)
     }
 
-    /// The component of a sample, if it is one of a wanted void.
-    pub fn at(&self, [i, j, k]: [usize; 3]) -> Option<u16> {
-        let (row, i) = ((k * BRICK_POINTS + j) as u16, i as u8);
-        let (at, run) = self.0.get(self.0.partition_point(|(at, run)| (*at, run.to) <= (row, i)))?;
-        (*at == row && run.from <= i).then_some(run.label)
+    /// The samples as bits of each row.
+    fn rows(&self) -> Vec<u64> {
+        let mut rows = vec![0; BRICK_POINTS * BRICK_POINTS];
+        for run in &self.0 {
+            rows[usize::from(run.row)] |= (1u64 << run.to) - (1u64 << run.from);
+        }
+        rows
     }
 }
 
@@ -74,16 +92,19 @@ impl KeptLabels {
 }
 
 impl<'a> WantedVoids<'a> {
-    /// With room for so many bytes of labels.
+    /// With room for so many bytes of labels. `wanted` tells of components, and behind these of pores.
     pub fn new(
         tree: &'a dyn BrickTree,
-        labelling: &'a Labelling,
+        (labelling, pores): (&'a Labelling, Option<&'a Pores>),
         wanted: Vec<bool>,
         label_bytes: usize,
     ) -> WantedVoids<'a> {
         let is_done = labelling.order.keys().iter().map(|_| AtomicBool::new(false)).collect();
         let labels = KeptLabels { most_bytes: label_bytes, is_done, ..KeptLabels::default() };
-        WantedVoids { tree, labelling, wanted, labels }
+        let pores = pores.filter(|_| wanted[labelling.components.len()..].contains(&true));
+        let mut voids = WantedVoids { tree, labelling, pores, wanted, is_in: Vec::new(), labels };
+        voids.is_in = (0..labelling.order.keys().len()).map(|leaf| voids.has_any(leaf)).collect();
+        voids
     }
 
     /// Where wanted voids are in a leaf. It is asked for once.
@@ -94,50 +115,105 @@ impl<'a> WantedVoids<'a> {
         if let Some(labels) = self.labels.take(leaf) {
             return Ok(labels);
         }
-        Ok(WantedRuns::of(&self.labelling.components_of(self.tree, leaf)?, &self.kept(leaf)))
+        Ok(self.runs(leaf, &self.labelling.components_of(self.tree, leaf)?))
     }
 
-    /// Whether a part of a wanted component lies in a leaf.
+    /// Whether a part of a wanted component lies in a leaf, or a pore may.
     pub fn is_in(&self, leaf: usize) -> bool {
-        self.labelling.in_leaf(leaf).flatten().any(|component| self.wanted[component])
+        self.is_in[leaf]
     }
 
-    /// The wanted component of which parts lie in a leaf, if it is the only one.
+    fn has_any(&self, leaf: usize) -> bool {
+        let mut of_leaf = self.labelling.in_leaf(leaf);
+        of_leaf.any(|component| component.map_or_else(|| self.has_pore(leaf), |c| self.wanted[c]))
+    }
+
+    /// Whether a pore may lie in a leaf of which a part is outside.
+    fn has_pore(&self, leaf: usize) -> bool {
+        let key = self.labelling.order.keys()[leaf];
+        let [low, high] = [[0; 3], [BRICK_POINTS - 1; 3]].map(|corner| place_of(key, corner));
+        self.pores.is_some_and(|pores| pores.any_in(low, high))
+    }
+
+    /// The wanted component of which parts lie in a leaf, if it is the only one, and no pore may.
     pub fn only_in(&self, leaf: usize) -> Option<usize> {
+        if self.pores.is_some() && self.labelling.in_leaf(leaf).any(|component| component.is_none()) {
+            return None;
+        }
         let mut wanted = self.labelling.in_leaf(leaf).flatten().filter(|component| self.wanted[*component]);
         let first = wanted.next()?;
         wanted.all(|other| other == first).then_some(first)
     }
 
-    /// Whether each of the leaf's components belongs to a wanted one.
-    fn kept(&self, leaf: usize) -> Vec<bool> {
-        self.labelling.in_leaf(leaf).map(|component| component.is_some_and(|c| self.wanted[c])).collect()
+    /// The runs of wanted voids in a leaf.
+    fn runs(&self, leaf: usize, components: &Components) -> WantedRuns {
+        let key = self.labelling.order.keys()[leaf];
+        // Of a label of the leaf; those outside may belong to several pores.
+        let known: Vec<Option<u32>> = (0..components.len() as u16)
+            .map(|label| self.labelling.of(leaf, label).filter(|c| self.wanted[*c]).map(|c| c as u32))
+            .collect();
+        let mut runs = Vec::new();
+        for row in 0..BRICK_POINTS * BRICK_POINTS {
+            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+            for run in components.row(j, k) {
+                let Run { from, to, label } = *run;
+                if let Some(void) = known[usize::from(label)] {
+                    runs.push(WantedRun { row: row as u16, from, to, void });
+                } else if self.pores.is_some() && self.labelling.of(leaf, label).is_none() {
+                    self.push_pores((leaf, key, row), *run, &mut runs);
+                }
+            }
+        }
+        runs.shrink_to_fit();
+        WantedRuns(runs)
+    }
+
+    /// The wanted pores in a run of samples that are outside.
+    fn push_pores(&self, (leaf, key, row): (usize, NodeKey, usize), run: Run, runs: &mut Vec<WantedRun>) {
+        let pore = |i: u8| {
+            let place = || place_of(key, [usize::from(i), row % BRICK_POINTS, row / BRICK_POINTS]);
+            let void = component_at(self.labelling, self.pores, (leaf, run.label), place);
+            void.filter(|void| self.wanted[*void]).map(|void| void as u32)
+        };
+        for i in run.from..run.to {
+            let Some(void) = pore(i) else { continue };
+            match runs.last_mut() {
+                Some(last) if usize::from(last.row) == row && last.to == i && last.void == void => {
+                    last.to += 1
+                }
+                _ => runs.push(WantedRun { row: row as u16, from: i, to: i + 1, void }),
+            }
+        }
     }
 
     fn only_wanted(&self, key: NodeKey, brick: Arc<Brick>) -> Arc<Brick> {
         let leaf = self.labelling.order.covering(key);
-        let kept = self.kept(leaf);
-        if self.labelling.order.keys()[leaf] != key || !kept.contains(&true) {
+        if self.labelling.order.keys()[leaf] != key || !self.is_in(leaf) {
             return Arc::new(Brick::Uniform(1));
         }
-        let Brick::Counts { samples, hermite } = &*brick else { return brick };
-        let signs = SignChanges::of(samples);
-        let components = Components::of_signs(&signs, self.labelling.connectivity);
-        if self.only_in(leaf).is_none() {
-            self.labels.keep(leaf, || WantedRuns::of(&components, &kept));
+        if let Brick::Uniform(w) = &*brick
+            && (*w >= 1 || self.only_in(leaf).is_some())
+        {
+            return brick;
         }
-        let (mut samples, mut inside) = (samples.clone(), signs.clone());
-        for k in 0..BRICK_POINTS {
-            for j in 0..BRICK_POINTS {
-                let hidden = components.row(j, k).iter().filter(|run| {
-                    let label = usize::from(run.label);
-                    !components.solid[label] && !kept[label]
-                });
-                for run in hidden {
-                    fill(&mut samples, (k * BRICK_POINTS + j) * BRICK_POINTS, (run.from, run.to));
-                    inside.set_row(j, k, inside.row(j, k) | run.bits());
-                }
-            }
+        let signs = brick.signs();
+        let components = Components::of_signs(&signs, self.labelling.connectivity);
+        let runs = self.runs(leaf, &components);
+        let wanted = runs.rows();
+        if self.only_in(leaf).is_none() {
+            self.labels.keep(leaf, || runs);
+        }
+        let none = Hermite::default();
+        let (mut samples, hermite) = match &*brick {
+            Brick::Uniform(w) => (Samples::filled(*w), &none),
+            Brick::Counts { samples, hermite } => (samples.clone(), hermite),
+        };
+        let mut inside = signs.clone();
+        for (row, wanted) in wanted.into_iter().enumerate() {
+            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+            let hidden = !wanted & !signs.row(j, k) & ALL;
+            fill(&mut samples, row * BRICK_POINTS, hidden);
+            inside.set_row(j, k, signs.row(j, k) | hidden);
         }
         let hermite = crossings(hermite, &signs, &inside);
         Arc::new(Brick::from_samples(samples, hermite))
@@ -151,10 +227,16 @@ impl BrickTree for WantedVoids<'_> {
 
     fn node(&self, key: NodeKey) -> Option<NodeInfo> {
         let node = self.tree.node(key)?;
-        if node.leaf && !self.is_in(self.labelling.order.covering(key)) {
+        if !node.leaf {
+            return Some(node);
+        }
+        let leaf = self.labelling.order.covering(key);
+        if !self.is_in(leaf) {
             return Some(NodeInfo { min: 1, max: 1, fractions: false, ..node });
         }
-        Some(node)
+        // Void outside of which a pore is a part has solid beside it.
+        let is_parted = node.max < 1 && self.only_in(leaf).is_none();
+        Some(NodeInfo { max: if is_parted { 1 } else { node.max }, ..node })
     }
 
     fn keys(&self) -> Vec<NodeKey> {
@@ -182,14 +264,16 @@ impl BrickTree for WantedVoids<'_> {
     }
 }
 
-/// Makes a run of a row solid.
-fn fill(samples: &mut Samples, row: usize, (from, to): (u8, u8)) {
+/// Makes samples of a row solid, of which the bits are set.
+fn fill(samples: &mut Samples, row: usize, mut bits: u64) {
     let solid = 1 << samples.1;
-    samples.0[row + usize::from(from)..row + usize::from(to)].fill(solid);
+    while bits != 0 {
+        samples.0[row + bits.trailing_zeros() as usize] = solid;
+        bits &= bits - 1;
+    }
 }
 
-/// The crossings of edges that still change sign. Void that is kept has only solid and its own component beside it, so no
-/// edge is new.
+/// The crossings of edges that change sign still, and half way along those where a pore ends in void.
 fn crossings(hermite: &Hermite, signs: &SignChanges, kept: &SignChanges) -> Hermite {
     let mut out = Hermite::default();
     if hermite.edges.each_ref().map(Vec::len) != signs.counts() {
@@ -199,15 +283,26 @@ fn crossings(hermite: &Hermite, signs: &SignChanges, kept: &SignChanges) -> Herm
         let (mut edges, out) = (&hermite.edges[axis.index()][..], &mut out.edges[axis.index()]);
         for (j, k) in (0..BRICK_POINTS).flat_map(|k| (0..BRICK_POINTS).map(move |j| (j, k))) {
             let all = signs.edges(axis, j, k);
-            let mut left = kept.edges(axis, j, k) & all;
+            let mut left = kept.edges(axis, j, k);
             let (own, rest) = edges.split_at(all.count_ones() as usize);
             edges = rest;
             while left != 0 {
-                let below = all & ((1 << left.trailing_zeros()) - 1);
-                out.push(own[below.count_ones() as usize]);
+                let at = left.trailing_zeros();
+                let below = all & ((1 << at) - 1);
+                out.push(match all >> at & 1 {
+                    1 => own[below.count_ones() as usize],
+                    _ => half_way(axis, kept.is_inside([at as usize, j, k])),
+                });
                 left &= left - 1;
             }
         }
     }
     out
+}
+
+/// A crossing in the middle of an edge, straight across.
+fn half_way(axis: Axis, low_is_inside: bool) -> HermiteEdge {
+    let mut normal = [0; 3];
+    normal[axis.index()] = if low_is_inside { 1 } else { -1 };
+    HermiteEdge { offset: 1 << 15, normal: OctNormal::from_integer(normal) }
 }

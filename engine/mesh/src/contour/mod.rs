@@ -116,10 +116,10 @@ pub use quality::{IMPROVED_BYTES_A_TRIANGLE, ImprovedSink};
 pub use shells::{Angles, KeptCounts, NestingSink, SHELL_BYTES_A_VERTEX, Shell, ShellFilter, ShellSink};
 pub use single_brick::{SingleBrick, SingleBrickCells, has_one_sheet};
 pub use sink::{
-    Coordinates, DOUBLE_ENDINGS, DiscardSink, FaceAttributes, GlbFacesSink, GlbSink, MeshArrays, MeshChunk,
-    MeshEncoding, MeshPart, MeshSink, NUMBER_ENDINGS, NumbersOf, PlacedSink, PositionsSink, TriangleBytes,
-    VertexBytes, VtpFile, create_sink, create_sink_with_normals, listed_mesh_endings, placed, ply_faces,
-    vtp_corners, write_three_mf_parts, write_triangles, written_mesh_endings,
+    Coordinates, DOUBLE_ENDINGS, DiscardSink, FaceAttributes, FaceColumns, GlbFacesSink, GlbSink, MeshArrays,
+    MeshChunk, MeshEncoding, MeshSink, NUMBER_ENDINGS, NumbersOf, PlacedSink, PositionsSink, ThreeMfParts,
+    TriangleBytes, VertexBytes, VtpFile, create_sink, create_sink_with_normals, listed_mesh_endings, placed,
+    ply_faces, vtp_corners, write_triangles, written_mesh_endings,
 };
 
 pub use tagged::{Bend, EdgeFacet, edge_facets};

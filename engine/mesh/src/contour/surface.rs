@@ -67,8 +67,9 @@ impl LeafSurface {
         }
         // The surface is what is kept.
         let brick = tree.brick_once(leaf.key)?;
-        let Brick::Counts { samples, hermite } = &*brick else {
-            return Ok(LeafSurface::Uniform(leaf.inside));
+        let (samples, hermite) = match &*brick {
+            Brick::Counts { samples, hermite } => (samples, hermite),
+            Brick::Uniform(w) => return Ok(LeafSurface::Uniform(i32::from(*w) >= level.threshold)),
         };
         let signs = signs(samples, level);
         let is_complete = hermite.edges.each_ref().map(Vec::len) == signs.counts();

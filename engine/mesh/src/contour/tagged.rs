@@ -30,6 +30,15 @@ pub struct EdgeFacet {
     pub corners: [[f32; 3]; 3],
 }
 
+impl EdgeFacet {
+    /// The sample of its edge that is not inside.
+    pub fn outer(&self) -> [usize; 3] {
+        let mut outer = self.low;
+        outer[self.axis.index()] += usize::from(self.low_is_inside);
+        outer
+    }
+}
+
 /// Bytes of a facet as [`append`] writes it.
 const FACET_BYTES: usize = 44;
 

@@ -25,9 +25,11 @@ pub use arrays::{DiscardSink, MeshArrays, PositionsSink};
 pub use glb::GlbSink;
 pub(super) use glb::{ASSET, CHUNK_BYTES, HEAD_BYTES, glb_head};
 pub use glb_faces::GlbFacesSink;
-pub use placed::{Coordinates, DOUBLE_ENDINGS, FaceAttributes, NUMBER_ENDINGS, PlacedSink, placed};
+pub use placed::{
+    Coordinates, DOUBLE_ENDINGS, FaceAttributes, FaceColumns, NUMBER_ENDINGS, PlacedSink, placed,
+};
 pub use ply::ply_faces;
-pub use three_mf_parts::{MeshPart, write_three_mf_parts};
+pub use three_mf_parts::ThreeMfParts;
 pub use vtp::{NumbersOf, VtpFile, vtp_corners};
 
 /// Receives a mesh: all vertices, then all triangles, or both by turns if it likes, then [`MeshSink::finish`]. One that

@@ -42,17 +42,29 @@ pub const DOUBLE_ENDINGS: [&str; 3] = ["ply", "obj", "vtp"];
 /// Endings of those whose triangles have numbers; a GLB has them in a sink of its own, [`super::GlbFacesSink`].
 pub const NUMBER_ENDINGS: [&str; 3] = ["ply", "vtp", "glb"];
 
+/// Numbers that faces have in a file.
+#[derive(Clone, Debug, Default)]
+pub struct FaceColumns {
+    /// Their names.
+    pub names: Vec<&'static str>,
+    /// What is to be said of them in the file, a line each.
+    pub comments: Vec<String>,
+}
+
 /// A mesh in a file, one vertex and one triangle after the other.
 pub struct PlacedSink<'a> {
     file: PlacedFile,
     coordinates: Coordinates,
+    columns: FaceColumns,
     faces: Option<Box<dyn FaceAttributes + 'a>>,
     counts: [u64; 2],
+    /// The number of the last face, which tells the groups of an OBJ apart.
+    group: Option<i32>,
     bytes: Vec<u8>,
 }
 
 impl<'a> PlacedSink<'a> {
-    /// Of a name that ends in .obj, .vtp, or else of a PLY; the faces of an OBJ have no numbers.
+    /// Of a name that ends in .obj, .vtp, or else of a PLY, with what finds the numbers of faces.
     ///
     /// # Errors
     /// If the file cannot be made.
@@ -61,24 +73,37 @@ impl<'a> PlacedSink<'a> {
         coordinates: Coordinates,
         faces: Option<Box<dyn FaceAttributes + 'a>>,
     ) -> Result<PlacedSink<'a>> {
+        let columns =
+            faces.as_ref().map(|faces| FaceColumns { names: faces.names(), comments: faces.comments() });
+        let sink = PlacedSink::with_columns(path, coordinates, columns.unwrap_or_default())?;
+        Ok(PlacedSink { faces, ..sink })
+    }
+
+    /// The same for faces whose numbers come with them, by [`PlacedSink::numbered_triangles`]. Faces of an OBJ are in groups
+    /// by the first of these numbers.
+    ///
+    /// # Errors
+    /// If the file cannot be made.
+    pub fn with_columns(
+        path: &Path,
+        coordinates: Coordinates,
+        columns: FaceColumns,
+    ) -> Result<PlacedSink<'a>> {
         let ends = |wanted: &str| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(wanted));
         let mut file = PartFile::create(path)?;
         let file = if ends("obj") {
             file.append(b"# written by Brickfield\n")?;
             PlacedFile::Obj(file)
         } else if ends("vtp") {
-            let (names, comments) =
-                faces.as_ref().map_or((Vec::new(), Vec::new()), |faces| (faces.names(), faces.comments()));
+            let FaceColumns { names, comments } = &columns;
             let waiting = WaitingNumbers::new(names.len(), folder_of(path));
             let is_double = coordinates != Coordinates::Single;
-            PlacedFile::Vtp(
-                VtpFile::new(file, is_double, (NumbersOf::Triangles, &names), &comments)?,
-                waiting,
-            )
+            PlacedFile::Vtp(VtpFile::new(file, is_double, (NumbersOf::Triangles, names), comments)?, waiting)
         } else {
             PlacedFile::Ply(file)
         };
-        let mut sink = PlacedSink { file, coordinates, faces, counts: [0; 2], bytes: Vec::new() };
+        let (counts, bytes) = ([0; 2], Vec::new());
+        let mut sink = PlacedSink { file, coordinates, columns, faces: None, counts, group: None, bytes };
         let head = sink.ply_header();
         if let PlacedFile::Ply(file) = &mut sink.file {
             file.append(head.as_bytes())?;
@@ -91,16 +116,49 @@ impl<'a> PlacedSink<'a> {
         let [vertices, faces] = self.counts.map(|count| count.to_string());
         let fill = "-".repeat(40 - vertices.len() - faces.len());
         let kind = if self.coordinates == Coordinates::Single { "float" } else { "double" };
-        let (mut comments, mut properties) = (String::new(), String::new());
-        if let Some(faces) = &self.faces {
-            comments.extend(faces.comments().iter().map(|line| format!("comment {line}\n")));
-            properties.extend(faces.names().iter().map(|name| format!("property int {name}\n")));
-        }
+        let FaceColumns { names, comments } = &self.columns;
+        let comments: String = comments.iter().map(|line| format!("comment {line}\n")).collect();
+        let properties: String = names.iter().map(|name| format!("property int {name}\n")).collect();
         format!(
             "ply\nformat binary_little_endian 1.0\ncomment written by Brickfield {fill}\n{comments}\
              element vertex {vertices}\nproperty {kind} x\nproperty {kind} y\nproperty {kind} z\n\
              element face {faces}\nproperty list uchar uint vertex_indices\n{properties}end_header\n"
         )
+    }
+
+    /// The next triangles, by the numbers of their corners, with the numbers that they have in the file: those of a triangle one
+    /// behind the other.
+    ///
+    /// # Errors
+    /// What writing gives.
+    pub fn numbered_triangles(&mut self, ids: &[[u32; 3]], numbers: &[i32]) -> Result<()> {
+        self.bytes.clear();
+        self.counts[1] += ids.len() as u64;
+        match &mut self.file {
+            PlacedFile::Obj(file) => {
+                let columns = self.columns.names.len().max(1);
+                for (n, [a, b, c]) in ids.iter().map(|ids| ids.map(|id| u64::from(id) + 1)).enumerate() {
+                    let group = numbers.get(n * columns).copied();
+                    if group != self.group
+                        && let (Some(number), Some(name)) = (group, self.columns.names.first())
+                    {
+                        let _ = writeln!(self.bytes, "g {name}_{number}");
+                    }
+                    self.group = group;
+                    let _ = writeln!(self.bytes, "f {a} {b} {c}");
+                }
+                file.append(&self.bytes)
+            }
+            PlacedFile::Ply(file) => {
+                ply::ply_faces_with_numbers(ids, numbers, &mut self.bytes);
+                file.append(&self.bytes)
+            }
+            PlacedFile::Vtp(file, waiting) => {
+                vtp_corners(ids, &mut self.bytes);
+                file.triangles(ids.len(), &self.bytes)?;
+                waiting.push(numbers)
+            }
+        }
     }
 
     /// A position in the world.
@@ -154,30 +212,12 @@ impl MeshSink for PlacedSink<'_> {
     }
 
     fn triangles(&mut self, facets: &[MeshTriangle]) -> Result<()> {
-        self.bytes.clear();
-        self.counts[1] += facets.len() as u64;
         let ids: Vec<[u32; 3]> = facets.iter().map(|facet| facet.ids).collect();
         let numbers = match &mut self.faces {
             Some(faces) => faces.numbers(facets)?,
             None => Vec::new(),
         };
-        match &mut self.file {
-            PlacedFile::Obj(file) => {
-                for [a, b, c] in ids.iter().map(|ids| ids.map(|id| u64::from(id) + 1)) {
-                    let _ = writeln!(self.bytes, "f {a} {b} {c}");
-                }
-                file.append(&self.bytes)
-            }
-            PlacedFile::Ply(file) => {
-                ply::ply_faces_with_numbers(&ids, &numbers, &mut self.bytes);
-                file.append(&self.bytes)
-            }
-            PlacedFile::Vtp(file, waiting) => {
-                vtp_corners(&ids, &mut self.bytes);
-                file.triangles(ids.len(), &self.bytes)?;
-                waiting.push(&numbers)
-            }
-        }
+        self.numbered_triangles(&ids, &numbers)
     }
 
     fn finish(&mut self) -> Result<()> {
