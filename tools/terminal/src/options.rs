@@ -5,7 +5,7 @@
 use brickfield_engine::Error;
 
 /// Settings that messages of the library name; each is set by the option of the same name.
-const SETTINGS: [&str; 42] = [
+const SETTINGS: [&str; 43] = [
     "backend",
     "boundary_error",
     "cell",
@@ -28,6 +28,7 @@ const SETTINGS: [&str; 42] = [
     "max_depth",
     "memory",
     "method",
+    "min_volume",
     "number",
     "pixel",
     "plate",

@@ -22,9 +22,9 @@ pub(super) struct MeshPiece {
 }
 
 /// A vertex' position by its bits.
-pub(super) type PositionBits = [u32; 3];
+pub(super) type CornerBits = [u32; 3];
 
-pub(super) fn bits(position: [f32; 3]) -> PositionBits {
+pub(super) fn bits(position: [f32; 3]) -> CornerBits {
     position.map(f32::to_bits)
 }
 
@@ -32,7 +32,7 @@ pub(super) fn bits(position: [f32; 3]) -> PositionBits {
 #[derive(Default)]
 pub(super) struct PieceMaker {
     piece: MeshPiece,
-    numbers: HashMap<PositionBits, u32>,
+    numbers: HashMap<CornerBits, u32>,
 }
 
 impl PieceMaker {
@@ -129,7 +129,7 @@ pub(super) fn words<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u32; 
 }
 
 /// An edge by the positions of its ends, the lower one first, and how often more it was passed this way than back.
-pub(super) fn undirected(piece: &MeshPiece, [a, b]: [u32; 2]) -> ([PositionBits; 2], i32) {
+pub(super) fn undirected(piece: &MeshPiece, [a, b]: [u32; 2]) -> ([CornerBits; 2], i32) {
     let [a, b] = [a, b].map(|n| bits(piece.vertices[n as usize]));
     if a < b { ([a, b], 1) } else { ([b, a], -1) }
 }
@@ -138,7 +138,7 @@ pub(super) fn undirected(piece: &MeshPiece, [a, b]: [u32; 2]) -> ([PositionBits;
 #[derive(Default)]
 pub(super) struct PieceJoiner {
     /// By position the number, and the sum of its open edges: zero once each has met its reverse.
-    held: HashMap<PositionBits, (u32, u64)>,
+    held: HashMap<CornerBits, (u32, u64)>,
     next: u32,
 }
 

@@ -9,7 +9,7 @@
 
 use super::find::Voids;
 use super::mesh_piece::{
-    MeshPiece, PieceJoiner, PieceMaker, PiecePlace, PositionBits, append, undirected, words,
+    CornerBits, MeshPiece, PieceJoiner, PieceMaker, PiecePlace, append, undirected, words,
 };
 use super::void::Void;
 use super::wanted::WantedVoids;
@@ -102,10 +102,10 @@ fn groups(touching: &Touching) -> Vec<BTreeSet<usize>> {
 
 /// Edges that are open so far, by the void: how often more they were passed one way than the other.
 #[derive(Default)]
-struct OpenEdges(HashMap<([PositionBits; 2], usize), i32>);
+struct OpenEdges(HashMap<([CornerBits; 2], usize), i32>);
 
 impl OpenEdges {
-    fn add(&mut self, void: usize, edges: &[([PositionBits; 2], i32)]) {
+    fn add(&mut self, void: usize, edges: &[([CornerBits; 2], i32)]) {
         for (edge, sign) in edges {
             let sum = self.0.remove(&(*edge, void)).unwrap_or(0) + sign;
             if sum != 0 {
@@ -116,7 +116,7 @@ impl OpenEdges {
 
     /// What is left when all pieces have come.
     fn touching(self) -> Touching {
-        let mut left: Vec<([PositionBits; 2], usize)> = self.0.into_keys().collect();
+        let mut left: Vec<([CornerBits; 2], usize)> = self.0.into_keys().collect();
         left.sort_unstable();
         let mut touching = Touching::new();
         for edge in left.chunk_by(|a, b| a.0 == b.0) {
@@ -137,7 +137,7 @@ struct VoidPieces {
 }
 
 /// A piece of a void that lies in the file, and its open edges.
-type WrittenPiece = (usize, PiecePlace, Vec<([PositionBits; 2], i32)>);
+type WrittenPiece = (usize, PiecePlace, Vec<([CornerBits; 2], i32)>);
 
 impl VoidPieces {
     fn new(folder: &Path) -> VoidPieces {

@@ -5,6 +5,7 @@ use crate::large_array::LargeArray;
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::cmp::Ordering;
+use std::ops::Range;
 
 /// Points of a part that is not divided.
 const LEAF_POINTS: usize = 8;
@@ -40,12 +41,21 @@ pub(super) struct Neighbour {
     pub number: u32,
 }
 
-impl Neighbour {
-    /// Equal distances in the order of places.
-    fn is_nearer_than(&self, other: &Neighbour) -> bool {
-        let of_place = || by_place(self.place, other.place).then(self.number.cmp(&other.number));
-        self.squared < other.squared || self.squared == other.squared && of_place().is_lt()
-    }
+/// The same while others are looked for: the less there is to move, the better.
+#[derive(Clone, Copy)]
+struct FoundPoint {
+    squared: f64,
+    number: u32,
+}
+
+/// A search for the nearest points.
+struct NearestSearch<'a, P> {
+    points: &'a [P],
+    /// Around here.
+    place: [f64; 3],
+    count: usize,
+    /// In order.
+    found: Vec<FoundPoint>,
 }
 
 /// The order of places: by x, then y, then z.
@@ -78,11 +88,14 @@ impl<P: Located> KdTree<P> {
 
     /// The `count` points nearest to `p`, in order.
     pub fn around(&self, p: [f64; 3], count: usize) -> Vec<Neighbour> {
-        let mut found = Vec::with_capacity(count + 1);
+        let points = &self.points[..];
+        let mut search = NearestSearch { points, place: p, count, found: Vec::with_capacity(count + 1) };
         if count > 0 {
-            search((&self.points, 0), 0, p, count, &mut found);
+            search.among(0..points.len(), 0);
         }
-        found
+        let place = |number: u32| points[number as usize].place();
+        let neighbour = |FoundPoint { squared, number }| Neighbour { squared, place: place(number), number };
+        search.found.into_iter().map(neighbour).collect()
     }
 }
 
@@ -120,42 +133,49 @@ fn divide<P: Located>(points: &mut [P], axis: usize) {
     }
 }
 
-/// Looks among some points, the first of which has the number `first`; what is found is in order. Few are, so that a heap
-/// would take longer.
-fn search<P: Located>(
-    (points, first): (&[P], u32),
-    axis: usize,
-    p: [f64; 3],
-    count: usize,
-    found: &mut Vec<Neighbour>,
-) {
-    let mut consider = |at: usize| {
-        let place = points[at].place();
-        let squared = (0..3).map(|a| (place[a] - p[a]) * (place[a] - p[a])).sum();
-        let neighbour = Neighbour { squared, place, number: first + at as u32 };
-        if found.len() == count {
-            if !found.last().is_some_and(|farthest| neighbour.is_nearer_than(farthest)) {
+impl<P: Located> NearestSearch<'_, P> {
+    /// Looks among some points, which the one in their middle divides along an axis.
+    fn among(&mut self, some: Range<usize>, axis: usize) {
+        if some.len() <= LEAF_POINTS {
+            some.for_each(|number| self.consider(number));
+            return;
+        }
+        let middle = some.start + some.len() / 2;
+        self.consider(middle);
+        let beyond = self.place[axis] - self.points[middle].place()[axis];
+        let (lower, upper) = (some.start..middle, middle + 1..some.end);
+        let (near, far) = if beyond < 0.0 { (lower, upper) } else { (upper, lower) };
+        self.among(near, (axis + 1) % 3);
+        // Equal distances too: the place decides between them.
+        let worst = self.found.last().map_or(f64::INFINITY, |found| found.squared);
+        if self.found.len() < self.count || beyond * beyond <= worst {
+            self.among(far, (axis + 1) % 3);
+        }
+    }
+
+    /// Takes a point among those found if it is nearer than the last of as many as are wanted. Few are, so that a heap would take
+    /// longer.
+    #[inline]
+    fn consider(&mut self, number: usize) {
+        let (at, p) = (self.points[number].place(), self.place);
+        let squared = (0..3).map(|a| (at[a] - p[a]) * (at[a] - p[a])).sum();
+        let point = FoundPoint { squared, number: number as u32 };
+        if self.found.len() == self.count {
+            if !self.found.last().is_some_and(|farthest| self.is_nearer(&point, farthest)) {
                 return;
             }
-            found.pop();
+            self.found.pop();
         }
-        let farther = found.iter().rev().take_while(|other| neighbour.is_nearer_than(other)).count();
-        found.insert(found.len() - farther, neighbour);
-    };
-    if points.len() <= LEAF_POINTS {
-        (0..points.len()).for_each(consider);
-        return;
+        let farther = self.found.iter().rev().take_while(|other| self.is_nearer(&point, other)).count();
+        self.found.insert(self.found.len() - farther, point);
     }
-    let middle = points.len() / 2;
-    consider(middle);
-    let beyond = p[axis] - points[middle].place()[axis];
-    let (lower, upper) = ((&points[..middle], first), (&points[middle + 1..], first + middle as u32 + 1));
-    let (near, far) = if beyond < 0.0 { (lower, upper) } else { (upper, lower) };
-    search(near, (axis + 1) % 3, p, count, found);
-    // Equal distances too: the place decides between them.
-    let worst = found.last().map_or(f64::INFINITY, |n| n.squared);
-    if found.len() < count || beyond * beyond <= worst {
-        search(far, (axis + 1) % 3, p, count, found);
+
+    /// Equal distances in the order of places.
+    #[inline]
+    fn is_nearer(&self, one: &FoundPoint, other: &FoundPoint) -> bool {
+        let place = |found: &FoundPoint| self.points[found.number as usize].place();
+        let of_place = || by_place(place(one), place(other)).then(one.number.cmp(&other.number));
+        one.squared < other.squared || one.squared == other.squared && of_place().is_lt()
     }
 }
 
