@@ -1,4 +1,4 @@
-//! `voids --mesh`: closed meshes of voids, also where two touch, behind throats and far from the origin.
+//! `voids --mesh` and `--labels`: closed meshes of voids, also where two touch, behind throats and far from the origin.
 
 use super::voids::{cavity_behind_a_throat, hollow_block, json};
 use crate::support::*;
@@ -137,4 +137,27 @@ fn meshes_of_voids_far_from_the_origin_keep_their_shape() {
         refused.contains("write .ply, .obj or .vtp, which have 64") && !refused.contains("origin"),
         "{refused}"
     );
+}
+
+#[test]
+fn labels_are_the_same_in_all_formats() {
+    let dir = Scratch::new();
+    let (part, out) = (cavity_behind_a_throat(&dir), dir.path("v.json"));
+    let labels = |name: &str| {
+        let path = dir.path(name);
+        run(&[&"voids", &part, &"-o", &out, &"--closing", &"2", &"--labels", &path, &"-q"]).ok();
+        std::fs::read(&path).unwrap()
+    };
+    let (array, raw) = (labels("l.npy"), labels("l.raw"));
+    let words = array[array.len() - 2 * raw.len()..].as_chunks::<4>().0;
+    let shorts = raw.as_chunks::<2>().0;
+    let alike = |(word, short): (&[u8; 4], &[u8; 2])| {
+        u32::from_le_bytes(*word) == u32::from(u16::from_le_bytes(*short))
+    };
+    assert!(words.iter().zip(shorts).all(alike));
+    assert!(shorts.iter().any(|short| u16::from_le_bytes(*short) == 1));
+    let grid = labels("l.vdb");
+    assert!(grid.windows(16).any(|window| window == b"Tree_int32_5_4_3"));
+    let what = run(&[&"voids", &part, &"-o", &out, &"--labels", &dir.path("l.csv")]).misused();
+    assert!(what.contains("one of .npy, .vdb"), "{what}");
 }

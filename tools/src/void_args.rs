@@ -72,9 +72,9 @@ pub struct VoidsArgs {
     /// or .3mf, an object each in the colour of its class
     #[arg(long = "mesh", value_name = "OUT.ply|.obj|.vtp|.3mf")]
     pub mesh: Option<PathBuf>,
-    /// Also write the number of the void at each sample of the deepest level, 0 at all others: an array (z, y, x) of
-    /// 32-bit integers, with a description beside it
-    #[arg(long, value_name = "OUT.npy")]
+    /// Also write the number of the void at each sample of the deepest level, 0 at all others. An .npy is an array (z, y, x) of
+    /// 32-bit integers, with a description beside it. The other formats of `export`, such as .vdb, have 16 bits
+    #[arg(long, value_name = "OUT.npy|.vdb")]
     pub labels: Option<PathBuf>,
     /// Memory for bricks, boundaries and the grid of --closing, as in 512MiB. With less the grid is coarser, and some distances stay
     /// empty

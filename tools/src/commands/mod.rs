@@ -46,6 +46,7 @@ mod thickness_volume;
 pub mod verify;
 #[cfg(feature = "view")]
 pub mod view;
+mod void_labels;
 mod void_mesh;
 mod void_outputs;
 pub mod voids;

@@ -1,12 +1,15 @@
-//! The numbers of voids as a dense grid of the deepest level, those behind throats as well if they were asked for.
+//! The numbers of voids at the samples, those behind throats as well if they were asked for: as a dense grid of the deepest level,
+//! or as a tree for the formats of volumes.
 
-use super::components::Components;
+use super::components::{Components, Run};
 use super::find::Voids;
 use super::pores::{component_at, place_of};
-use crate::error::Result;
-use crate::lattice::BRICK_CELLS;
+use crate::brick::{Brick, Hermite, Samples};
+use crate::error::{Error, Result};
+use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
 use crate::progress::Progress;
-use crate::store::{BrickTree, Leaf};
+use crate::store::{BrickTree, Leaf, NodeInfo};
+use std::sync::Arc;
 
 /// Bytes of a label.
 const LABEL_BYTES: usize = 4;
@@ -62,4 +65,103 @@ pub fn write_labels(
         Ok(())
     };
     labelling.visit_some(tree, is_void, ("labels of voids", progress), make, |()| Ok(()))
+}
+
+/// The numbers of voids as the samples of a tree; 0 at all others. It has the leaves of the tree that they were found in.
+pub struct VoidNumbers<'a> {
+    tree: &'a dyn BrickTree,
+    found: &'a Voids,
+    /// By component and pore.
+    numbers: Vec<i16>,
+}
+
+impl<'a> VoidNumbers<'a> {
+    /// Of the voids of a tree.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if there are more than samples of 16 bits can tell apart, 32,767.
+    pub fn new(tree: &'a dyn BrickTree, found: &'a Voids) -> Result<VoidNumbers<'a>> {
+        let number = |number: u32| {
+            i16::try_from(number).map_err(|_| {
+                let what = format!("{} voids are more than 16 bits tell apart", found.voids.len());
+                Error::setting(what, "leave small ones out with `min_volume`, or write .npy, which has 32")
+            })
+        };
+        let numbers = found.numbers().into_iter().map(number).collect::<Result<Vec<i16>>>()?;
+        Ok(VoidNumbers { tree, found, numbers })
+    }
+
+    /// The number at a sample of a run in a leaf.
+    fn at(&self, (leaf, key): (usize, NodeKey), run: Run, sample: [usize; 3]) -> i16 {
+        let place = || place_of(key, sample);
+        let found = self.found;
+        let component = component_at(&found.labelling, found.pores.as_ref(), (leaf, run.label), place);
+        component.map_or(0, |component| self.numbers[component])
+    }
+
+    fn numbered(&self, key: NodeKey, brick: &Brick) -> Brick {
+        let labelling = &self.found.labelling;
+        let leaf = labelling.order.covering(key);
+        if labelling.order.keys()[leaf] != key {
+            return Brick::Uniform(0);
+        }
+        let components = Components::of(brick, labelling.connectivity).0;
+        let mut samples = Samples::filled(0);
+        for (row, numbers) in samples.0.chunks_exact_mut(BRICK_POINTS).enumerate() {
+            let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
+            for run in components.row(j, k) {
+                let own =
+                    numbers.iter_mut().enumerate().take(usize::from(run.to)).skip(usize::from(run.from));
+                own.for_each(|(i, number)| *number = self.at((leaf, key), *run, [i, j, k]));
+            }
+        }
+        Brick::from_samples(samples, Hermite::default())
+    }
+}
+
+impl BrickTree for VoidNumbers<'_> {
+    fn root(&self) -> RootCube {
+        self.tree.root()
+    }
+
+    fn node(&self, key: NodeKey) -> Option<NodeInfo> {
+        let leaf = self.tree.node(key)?.leaf;
+        let (mut min, mut max) = (0, i16::MAX);
+        if leaf {
+            let labelling = &self.found.labelling;
+            // What is outside may have pores.
+            let number = |component: Option<usize>| match component {
+                Some(component) => [self.numbers[component]; 2],
+                None if self.found.pores.is_none() => [0; 2],
+                None => [0, i16::MAX],
+            };
+            let numbers = labelling.in_leaf(labelling.order.covering(key)).map(number);
+            [min, max] = numbers.fold([i16::MAX, 0], |[low, high], [a, b]| [low.min(a), high.max(b)]);
+        }
+        Some(NodeInfo { leaf, min, max, fractions: false })
+    }
+
+    fn keys(&self) -> Vec<NodeKey> {
+        self.tree.keys()
+    }
+
+    fn deepest_level(&self) -> u8 {
+        self.tree.deepest_level()
+    }
+
+    fn brick(&self, key: NodeKey) -> Result<Arc<Brick>> {
+        Ok(Arc::new(self.numbered(key, &*self.tree.brick(key)?)))
+    }
+
+    fn brick_once(&self, key: NodeKey) -> Result<Arc<Brick>> {
+        Ok(Arc::new(self.numbered(key, &*self.tree.brick_once(key)?)))
+    }
+
+    fn ahead(&self, keys: &[NodeKey]) -> usize {
+        self.tree.ahead(keys)
+    }
+
+    fn is_elsewhere(&self) -> bool {
+        self.tree.is_elsewhere()
+    }
 }

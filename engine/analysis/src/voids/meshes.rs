@@ -235,7 +235,8 @@ fn of_leaf(voids: &WantedVoids<'_>, leaf: usize, facets: &[EdgeFacet]) -> Result
         // The contour's triangles face out of the solid.
         makers.entry(void).or_default().add([a, c, b]);
     }
-    Ok(makers.into_iter().map(|(void, maker)| (void, maker.finish())).collect())
+    let pieces = makers.into_iter().map(|(void, maker)| (void, maker.finish()));
+    Ok(pieces.filter(|(_, piece)| !piece.triangles.is_empty()).collect())
 }
 
 #[cfg(test)]

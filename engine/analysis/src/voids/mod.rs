@@ -28,7 +28,7 @@
 //! | `void` | what is known of one |
 //! | `find` | all of it |
 //! | `place` | the void at a place |
-//! | `labels` | numbers of voids as a dense grid |
+//! | `labels` | numbers of voids at the samples |
 
 mod around;
 mod border;
@@ -67,7 +67,7 @@ pub use class::Class;
 pub use components::Connectivity;
 pub use find::{Detail, VoidOptions, Voids, find};
 pub use labelling::{Component, Labelling, label};
-pub use labels::write_labels;
+pub use labels::{VoidNumbers, write_labels};
 pub use measure::Sums;
 pub use meshes::{VoidMeshOptions, VoidMeshSink, write_meshes};
 pub use outline::{BoundaryPoint, boundary_points};

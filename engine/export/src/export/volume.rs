@@ -26,6 +26,8 @@ pub enum Quantity {
     Distance,
     /// Diameters of a [`crate::distance::LocalThickness`], 0 where nothing is measured; floats, in world units.
     Thickness,
+    /// Numbers of regions, as of voids, 0 where there is none; integers.
+    Labels,
 }
 
 /// Levels of a tree with the type of their values.
@@ -65,7 +67,7 @@ impl Volume<'_> {
     /// What a sample of 1 is as a float.
     pub(crate) fn scale(&self, level: u8) -> f32 {
         match self.quantity {
-            Quantity::Winding => 1.0,
+            Quantity::Winding | Quantity::Labels => 1.0,
             Quantity::Distance | Quantity::Thickness => self.spacing(level) as f32,
         }
     }
@@ -73,7 +75,7 @@ impl Volume<'_> {
     /// The sample of what is empty.
     pub(crate) fn background(&self) -> i16 {
         match self.quantity {
-            Quantity::Winding | Quantity::Thickness => 0,
+            Quantity::Winding | Quantity::Thickness | Quantity::Labels => 0,
             Quantity::Distance => BAND,
         }
     }

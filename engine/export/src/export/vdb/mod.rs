@@ -147,6 +147,7 @@ impl Grid<'_> {
         let class = match self.volume.quantity {
             Quantity::Winding | Quantity::Thickness => "fog volume",
             Quantity::Distance => "level set",
+            Quantity::Labels => "unknown",
         };
         let mut entries = vec![("class", class), ("name", name)];
         entries.extend(self.volume.unit.map(|unit| ("unit", unit)));
