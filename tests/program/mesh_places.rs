@@ -5,10 +5,10 @@ use serde_json::Value;
 use std::path::Path;
 
 /// A mesh of a binary PLY: its header, positions, corners, and what numbers each triangle has.
-type ReadMesh = (String, Vec<[f64; 3]>, Vec<[usize; 3]>, Vec<Vec<i32>>);
+pub type ReadMesh = (String, Vec<[f64; 3]>, Vec<[usize; 3]>, Vec<Vec<i32>>);
 
 /// Reads what `mesh` writes, by the words of the header.
-fn read_ply(path: &Path) -> ReadMesh {
+pub fn read_ply(path: &Path) -> ReadMesh {
     let bytes = std::fs::read(path).unwrap();
     let end = bytes.windows(11).position(|word| word == b"end_header\n").unwrap() + 11;
     let header = String::from_utf8(bytes[..end].to_vec()).unwrap();

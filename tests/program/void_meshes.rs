@@ -1,5 +1,6 @@
 //! `voids --mesh` and `--labels`: closed meshes of voids, also where two touch, behind throats and far from the origin.
 
+use super::mesh_places::read_ply;
 use super::voids::{cavity_behind_a_throat, hollow_block, json};
 use crate::support::*;
 use std::collections::BTreeMap;
@@ -15,32 +16,12 @@ struct VoidMesh {
 impl VoidMesh {
     /// Reads a binary PLY with three coordinates a vertex, and three corners and a number a face.
     fn read(path: &Path) -> VoidMesh {
-        let bytes = std::fs::read(path).unwrap();
-        let end = bytes.windows(11).position(|window| window == b"end_header\n").unwrap() + 11;
-        let head = String::from_utf8(bytes[..end].to_vec()).unwrap();
-        let count = |name: &str| -> usize {
-            head.lines().find_map(|line| line.strip_prefix(name)).unwrap().trim().parse().unwrap()
+        let (_, vertices, corners, numbers) = read_ply(path);
+        let void = |numbers: Vec<i32>| {
+            assert_eq!(numbers.len(), 1);
+            numbers[0]
         };
-        let of_coordinate = if head.contains("double x") { 8 } else { 4 };
-        let (vertices, faces) = bytes[end..].split_at(count("element vertex") * 3 * of_coordinate);
-        assert_eq!(faces.len(), count("element face") * 17);
-        let coordinate = |bytes: &[u8]| match bytes.try_into() {
-            Ok(bytes) => f64::from_le_bytes(bytes),
-            Err(_) => f64::from(f32::from_le_bytes(bytes.try_into().unwrap())),
-        };
-        let vertex = |bytes: &[u8]| {
-            let mut coordinates = bytes.chunks(of_coordinate).map(coordinate);
-            [0; 3].map(|_| coordinates.next().unwrap())
-        };
-        let face = |bytes: &[u8]| {
-            assert_eq!(bytes[0], 3);
-            let word = |n: usize| u32::from_le_bytes(bytes[1 + 4 * n..][..4].try_into().unwrap());
-            ([0, 1, 2].map(|n| word(n) as usize), word(3) as i32)
-        };
-        VoidMesh {
-            vertices: vertices.chunks(3 * of_coordinate).map(vertex).collect(),
-            faces: faces.chunks(17).map(face).collect(),
-        }
+        VoidMesh { vertices, faces: corners.into_iter().zip(numbers.into_iter().map(void)).collect() }
     }
 
     /// The volume of each void, by its number; its mesh must be closed and turned alike all over.

@@ -10,7 +10,7 @@ use anyhow::Context;
 use brickfield_engine::Progress;
 use brickfield_engine::analysis::Element;
 use brickfield_engine::distance::{DistanceTree, Surface};
-use brickfield_engine::export::{FORMATS, Format, LevelSupport, Quantity, Volume, format_of};
+use brickfield_engine::export::{Format, LevelSupport, Quantity, Volume, format_of, listed_endings};
 use brickfield_engine::lattice::BRICK_CELLS;
 use brickfield_engine::part::directory_of;
 use brickfield_engine::store::{AcceptedStores, BrickTree, Store};
@@ -31,8 +31,7 @@ impl<'a> TryFrom<&'a ExportArgs> for Plan<'a> {
     fn try_from(args: &ExportArgs) -> Result<Plan<'_>, Failure> {
         let name = args.output.display();
         let Some(format) = format_of(&args.output) else {
-            let endings = FORMATS.iter().map(|format| format!(".{}", format.ending())).collect::<Vec<_>>();
-            let endings = endings.join(", ");
+            let endings = listed_endings();
             return Err(Failure::Usage(format!("{name}: the name of a volume ends in one of {endings}")));
         };
         if args.all_levels && format.levels() == LevelSupport::One {

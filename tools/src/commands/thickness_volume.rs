@@ -12,7 +12,7 @@ use crate::units::Length;
 use anyhow::Context;
 use brickfield_engine::analysis::Element;
 use brickfield_engine::distance::{LocalOf, LocalSpread, LocalThickness, Surface};
-use brickfield_engine::export::{FORMATS, Format, Quantity, Volume, format_of};
+use brickfield_engine::export::{Format, Quantity, Volume, format_of, listed_endings};
 use brickfield_engine::lattice::BRICK_CELLS;
 use brickfield_engine::store::{BrickTree, Store};
 use serde_json::{Value, json};
@@ -35,9 +35,7 @@ impl VolumePlan<'_> {
     pub fn of(args: &ThicknessArgs) -> Result<Option<VolumePlan<'_>>, Failure> {
         let Some(output) = args.volume.as_deref() else { return Ok(None) };
         let Some(format) = format_of(output) else {
-            let endings = FORMATS.iter().map(|format| format!(".{}", format.ending())).collect::<Vec<_>>();
-            let name = in_line(output);
-            let endings = endings.join(", ");
+            let (name, endings) = (in_line(output), listed_endings());
             return Err(Failure::Usage(format!("{name}: the name of a volume ends in one of {endings}")));
         };
         if args.gaps && args.widest.is_none() {

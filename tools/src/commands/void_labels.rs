@@ -6,7 +6,7 @@ use crate::progress::Bars;
 use crate::space::require_space;
 use anyhow::Context;
 use brickfield_engine::analysis::Element;
-use brickfield_engine::export::{FORMATS, Format, Quantity, Volume, format_of, npy_header};
+use brickfield_engine::export::{Format, Quantity, Volume, format_of, listed_endings, npy_header};
 use brickfield_engine::lattice::BRICK_CELLS;
 use brickfield_engine::part::{PartFile, PartPair};
 use brickfield_engine::store::{BrickTree, Store};
@@ -34,8 +34,7 @@ impl VoidLabelFile {
     /// Names with wrong endings, of other files of the command, or that cannot be written; too little room on the disk.
     pub fn create(path: &Path, others: &[&Path], store: &Store) -> Result<VoidLabelFile, Failure> {
         let Some(format) = format_of(path) else {
-            let endings: Vec<String> = FORMATS.iter().map(|format| format!(".{}", format.ending())).collect();
-            let what = format!("the name must end in one of {}", endings.join(", "));
+            let what = format!("the name must end in one of {}", listed_endings());
             return Err(Failure::Usage(format!("{}: {what}", in_line(path))));
         };
         let beside = format.beside().map(|ending| path.with_extension(ending));

@@ -7,7 +7,7 @@ use crate::wide::{dispatch, level};
 /// Rows of samples along x in a brick.
 const ROWS: usize = BRICK_POINTS * BRICK_POINTS;
 /// All samples of a row.
-const ALL: u64 = (1 << BRICK_POINTS) - 1;
+pub(super) const ALL: u64 = (1 << BRICK_POINTS) - 1;
 
 /// Which samples are neighbours. Only these two pairs give complements the same boundary (Ohser, Nagel & Schladitz 2003).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

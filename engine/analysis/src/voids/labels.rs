@@ -1,9 +1,9 @@
 //! The numbers of voids at the samples, those behind throats as well if they were asked for: as a dense grid of the deepest level,
 //! or as a tree for the formats of volumes.
 
-use super::components::{Components, Run};
+use super::components::Components;
 use super::find::Voids;
-use super::pores::{component_at, place_of};
+use super::pores::for_stretches;
 use crate::brick::{Brick, Hermite, Samples};
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
@@ -41,18 +41,13 @@ pub fn write_labels(
         for (j, k) in (0..BRICK_CELLS).flat_map(|k| (0..BRICK_CELLS).map(move |j| (j, k))) {
             let mut row: Vec<u8> = Vec::with_capacity(BRICK_CELLS * step * LABEL_BYTES);
             for run in components.row(j, k) {
-                let own = usize::from(run.from)..usize::from(run.to).min(BRICK_CELLS);
-                let void = |i: usize| {
-                    let place = || place_of(leaf.key, [i, j, k]);
-                    let component = component_at(labelling, found.pores.as_ref(), (number, run.label), place);
-                    component.map_or(0, |c| numbers[c]).to_le_bytes()
-                };
-                // Samples outside may belong to several pores.
-                if found.pores.is_some() && labelling.of(number, run.label).is_none() {
-                    own.for_each(|i| row.extend(void(i).repeat(step)));
-                } else {
-                    row.extend(void(own.start).repeat(own.len() * step));
-                }
+                let voids = (labelling, found.pores.as_ref());
+                for_stretches(voids, (number, leaf.key), (*run, j, k), |some, component| {
+                    let count =
+                        usize::from(some.end).min(BRICK_CELLS).saturating_sub(usize::from(some.start));
+                    let void = component.map_or(0, |c| numbers[c]);
+                    row.extend(void.to_le_bytes().repeat(count * step));
+                });
             }
             if row.iter().all(|byte| *byte == 0) {
                 continue;
@@ -91,14 +86,6 @@ impl<'a> VoidNumbers<'a> {
         Ok(VoidNumbers { tree, found, numbers })
     }
 
-    /// The number at a sample of a run in a leaf.
-    fn at(&self, (leaf, key): (usize, NodeKey), run: Run, sample: [usize; 3]) -> i16 {
-        let place = || place_of(key, sample);
-        let found = self.found;
-        let component = component_at(&found.labelling, found.pores.as_ref(), (leaf, run.label), place);
-        component.map_or(0, |component| self.numbers[component])
-    }
-
     fn numbered(&self, key: NodeKey, brick: &Brick) -> Brick {
         let labelling = &self.found.labelling;
         let leaf = labelling.order.covering(key);
@@ -110,9 +97,11 @@ impl<'a> VoidNumbers<'a> {
         for (row, numbers) in samples.0.chunks_exact_mut(BRICK_POINTS).enumerate() {
             let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
             for run in components.row(j, k) {
-                let own =
-                    numbers.iter_mut().enumerate().take(usize::from(run.to)).skip(usize::from(run.from));
-                own.for_each(|(i, number)| *number = self.at((leaf, key), *run, [i, j, k]));
+                let voids = (labelling, self.found.pores.as_ref());
+                for_stretches(voids, (leaf, key), (*run, j, k), |some, component| {
+                    let void = component.map_or(0, |c| self.numbers[c]);
+                    numbers[usize::from(some.start)..usize::from(some.end)].fill(void);
+                });
             }
         }
         Brick::from_samples(samples, Hermite::default())

@@ -5,12 +5,14 @@
 //! is known from one sort. Samples that are nearer to solid fill the basins afterwards, so each has its whole volume.
 
 use super::cad::CadBrick;
+use super::components::Run;
 use super::labelling::Labelling;
 use crate::error::{Error, Result};
 use crate::lattice::{BRICK_CELLS, NodeKey, RootCube};
 use crate::progress::Progress;
 use crate::store::{BrickTree, Store};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Bytes that a sample of the grid takes.
 const SAMPLE_BYTES: u64 = 11;
@@ -137,6 +139,22 @@ pub(super) fn component_at(
     place: impl FnOnce() -> [f64; 3],
 ) -> Option<usize> {
     labelling.of(leaf, label).or_else(|| Some(labelling.components.len() + pores?.at(place())?))
+}
+
+/// Calls `each` with the stretches of a run of samples in a row (j, k) of a leaf that belong to one component or pore, and with
+/// that. What is outside may belong to several pores, so its samples come one by one.
+pub(super) fn for_stretches(
+    (labelling, pores): (&Labelling, Option<&Pores>),
+    (leaf, key): (usize, NodeKey),
+    (run, j, k): (Run, usize, usize),
+    mut each: impl FnMut(Range<u8>, Option<usize>),
+) {
+    let of = labelling.of(leaf, run.label);
+    let Some(pores) = pores.filter(|_| of.is_none()) else { return each(run.from..run.to, of) };
+    for i in run.from..run.to {
+        let pore = pores.at(place_of(key, [usize::from(i), j, k]));
+        each(i..i + 1, pore.map(|pore| labelling.components.len() + pore));
+    }
 }
 
 /// Where a sample of a leaf lies, in units from the root's first sample.

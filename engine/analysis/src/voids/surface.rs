@@ -187,30 +187,24 @@ pub(super) fn surfaces(
         Ok((leaf as u32, surfaces))
     };
     let mut rest: BTreeMap<usize, VoidSurface> = BTreeMap::new();
-    edge_facets(
-        &voids,
-        cache_bytes - label_bytes,
-        (Bend::Strong, is_wanted),
-        progress,
-        make,
-        |(leaf, surfaces)| {
-            for (component, surface) in surfaces {
-                let [first, last] = spans[component];
-                if first == last {
-                    each(component, surface.moved(origin));
-                    continue;
-                }
-                rest.entry(component).or_default().add(surface, &directions);
-                if leaf == last
-                    && let Some(mut surface) = rest.remove(&component)
-                {
-                    surface.complete();
-                    each(component, surface.moved(origin));
-                }
+    let (bytes, bend) = (cache_bytes - label_bytes, Bend::Strong);
+    edge_facets(&voids, bytes, (bend, is_wanted), progress, make, |(leaf, surfaces)| {
+        for (component, surface) in surfaces {
+            let [first, last] = spans[component];
+            if first == last {
+                each(component, surface.moved(origin));
+                continue;
             }
-            Ok(())
-        },
-    )?;
+            rest.entry(component).or_default().add(surface, &directions);
+            if leaf == last
+                && let Some(mut surface) = rest.remove(&component)
+            {
+                surface.complete();
+                each(component, surface.moved(origin));
+            }
+        }
+        Ok(())
+    })?;
     // The last leaves of these have nothing of their surfaces.
     for (component, mut surface) in rest {
         surface.complete();

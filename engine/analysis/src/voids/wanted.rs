@@ -1,18 +1,16 @@
 //! A tree as it would be without the surfaces that are not asked for: what contours it has less to do.
 
-use super::components::{Components, Run};
+use super::components::{ALL, Components};
 use super::labelling::Labelling;
-use super::pores::{Pores, component_at, place_of};
+use super::pores::{Pores, for_stretches, place_of};
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_POINTS, NodeKey, RootCube};
 use crate::store::{BrickTree, NodeInfo};
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// All samples of a row.
-const ALL: u64 = (1 << BRICK_POINTS) - 1;
 
 /// A tree whose only void is that of some components and pores: what else is outside counts as solid, and has no crossings.
 /// Samples and crossings of those components are as they were, and so are counts in the solid. Where a pore ends in void its
@@ -148,42 +146,25 @@ impl<'a> WantedVoids<'a> {
     /// The runs of wanted voids in a leaf.
     fn runs(&self, leaf: usize, components: &Components) -> WantedRuns {
         let key = self.labelling.order.keys()[leaf];
-        // Of a label of the leaf; those outside may belong to several pores.
-        let known: Vec<Option<u32>> = (0..components.len() as u16)
-            .map(|label| self.labelling.of(leaf, label).filter(|c| self.wanted[*c]).map(|c| c as u32))
-            .collect();
-        let mut runs = Vec::new();
+        let mut runs: Vec<WantedRun> = Vec::new();
         for row in 0..BRICK_POINTS * BRICK_POINTS {
             let (j, k) = (row % BRICK_POINTS, row / BRICK_POINTS);
-            for run in components.row(j, k) {
-                let Run { from, to, label } = *run;
-                if let Some(void) = known[usize::from(label)] {
-                    runs.push(WantedRun { row: row as u16, from, to, void });
-                } else if self.pores.is_some() && self.labelling.of(leaf, label).is_none() {
-                    self.push_pores((leaf, key, row), *run, &mut runs);
+            let mut push = |some: Range<u8>, void: Option<usize>| {
+                let Some(void) = void.filter(|void| self.wanted[*void]) else { return };
+                let (row, void) = (row as u16, void as u32);
+                match runs.last_mut() {
+                    Some(last) if (last.row, last.to, last.void) == (row, some.start, void) => {
+                        last.to = some.end
+                    }
+                    _ => runs.push(WantedRun { row, from: some.start, to: some.end, void }),
                 }
+            };
+            for run in components.row(j, k) {
+                for_stretches((self.labelling, self.pores), (leaf, key), (*run, j, k), &mut push);
             }
         }
         runs.shrink_to_fit();
         WantedRuns(runs)
-    }
-
-    /// The wanted pores in a run of samples that are outside.
-    fn push_pores(&self, (leaf, key, row): (usize, NodeKey, usize), run: Run, runs: &mut Vec<WantedRun>) {
-        let pore = |i: u8| {
-            let place = || place_of(key, [usize::from(i), row % BRICK_POINTS, row / BRICK_POINTS]);
-            let void = component_at(self.labelling, self.pores, (leaf, run.label), place);
-            void.filter(|void| self.wanted[*void]).map(|void| void as u32)
-        };
-        for i in run.from..run.to {
-            let Some(void) = pore(i) else { continue };
-            match runs.last_mut() {
-                Some(last) if usize::from(last.row) == row && last.to == i && last.void == void => {
-                    last.to += 1
-                }
-                _ => runs.push(WantedRun { row: row as u16, from: i, to: i + 1, void }),
-            }
-        }
     }
 
     fn only_wanted(&self, key: NodeKey, brick: Arc<Brick>) -> Arc<Brick> {

@@ -79,6 +79,12 @@ pub static FORMATS: &[&dyn Format] = &[
     &dense::Raw,
 ];
 
+/// The endings of all formats, for people.
+pub fn listed_endings() -> String {
+    let endings: Vec<String> = FORMATS.iter().map(|format| format!(".{}", format.ending())).collect();
+    endings.join(", ")
+}
+
 /// The format of a file's name.
 pub fn format_of(path: &Path) -> Option<&'static dyn Format> {
     let ending = path.extension()?.to_str()?.to_ascii_lowercase();
