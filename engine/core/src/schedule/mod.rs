@@ -256,7 +256,8 @@ impl<'a> TaskRun<'a> {
         state.ready.insert(place, (result, held));
         state.waiting.extend(opened);
         self.wake(&state);
-        if state.consuming {
+        // After a failure nothing more is consumed, also of tasks that were running then.
+        if state.consuming || state.failure.is_some() {
             return;
         }
         state.consuming = true;
@@ -390,6 +391,33 @@ mod tests {
             if n == 9 { panic!("number {n}") } else { Ok(TaskOutcome::Done(n, held)) }
         };
         let _ = pool(3).install(|| run_tasks(numbers(1000), WIDE, || (), |_| 1, work, |_| Ok(None)));
+    }
+
+    /// A task that ends only after the consumer has failed has its result dropped.
+    #[test]
+    fn nothing_is_consumed_after_a_failure() {
+        let has_failed = AtomicUsize::new(0);
+        let work = |_: &mut (), n: u64, held: MemoryReservation| {
+            while n == 6 && has_failed.load(Ordering::SeqCst) == 0 {
+                std::thread::yield_now();
+            }
+            if n == 6 {
+                // Until the failure has been noted.
+                std::thread::sleep(std::time::Duration::from_millis(20));
+            }
+            Ok(TaskOutcome::Done(n, held))
+        };
+        let mut seen = Vec::new();
+        let consume = |n| {
+            seen.push(n);
+            if n < 5 {
+                return Ok(None);
+            }
+            has_failed.store(1, Ordering::SeqCst);
+            Err(Error::Interrupted)
+        };
+        assert!(pool(2).install(|| run_tasks(numbers(100), WIDE, || (), |_| 1, work, consume)).is_err());
+        assert_eq!(seen, [0, 1, 2, 3, 4, 5]);
     }
 
     #[test]
