@@ -77,7 +77,7 @@ pub const STEPS_MAX: u32 = 1 << 11;
 /// Binary places of sums of solid angles, in steradians.
 pub const ANGLE_BITS: u32 = 36;
 /// The powers of a polynomial of the far field add up to less than this.
-pub const DEGREE: u32 = 6;
+pub const DEGREE: u32 = 8;
 /// Coefficients of such a polynomial.
 pub const COEFFICIENTS: u32 = DEGREE * (DEGREE + 1) * (DEGREE + 2) / 6;
 /// Words of a cluster: its centre, what rounding took of that, its scale, and the factors of its expansion.

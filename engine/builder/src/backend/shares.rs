@@ -335,8 +335,8 @@ fn write_block(block: &SumBlock, clusters: &[Sizes], input: &mut SumInput) {
         *slot = scaled as f32;
         sizes += scaled.abs() * farthest.powi(degree);
     }
-    // A coefficient is rounded, and passes at most 13 operations on its way to the value.
-    let mut bound = 16.0 * ULP * sizes;
+    // A coefficient is rounded, and passes at most 17 operations on its way to the value.
+    let mut bound = 20.0 * ULP * sizes;
     let mut largest = sizes;
     let low = block.low.map(f64::from);
     let edge = f64::from(block.steps - 1) * (1u64 << block.spacing) as f64;

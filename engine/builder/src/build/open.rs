@@ -10,7 +10,7 @@ use crate::lattice::{NodeKey, RootCube, Triangle};
 use crate::progress::Progress;
 use crate::store::Refine;
 use crate::winding::{
-    CornerGrid, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenEvaluator, OpenField, OpenPart, TriangleList,
+    CornerGrid, FAR_FIELD_BYTES, OpenEvaluator, OpenField, OpenPart, TriangleList, bytes_of_caps,
 };
 
 /// The sum over the caps of an open soup, and what evaluates it.
@@ -73,7 +73,7 @@ impl OpenSoup {
     }
 
     fn bytes_of(field: &OpenField) -> u64 {
-        field.part().summary.caps * OPEN_BYTES_A_CAP + FAR_FIELD_BYTES
+        bytes_of_caps(field.part().summary.caps) + FAR_FIELD_BYTES
     }
 
     /// The caps, which are a part of the soup's triangles.

@@ -27,8 +27,8 @@ pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, TriangleList};
 pub use mixed::{MixedEvaluator, MixedField};
 pub use open::{
-    BlockSample, Boundary, ClusterParts, ClusterTree, FAR_FIELD_BYTES, OPEN_BYTES_A_CAP, OpenBrick, OpenEdge,
-    OpenEvaluator, OpenField, OpenPart, OpenSummary, RoundedShares, SumBlock, SumBlocks, SurfaceElement,
+    BlockSample, Boundary, ClusterParts, ClusterTree, FAR_FIELD_BYTES, OpenBrick, OpenEdge, OpenEvaluator,
+    OpenField, OpenPart, OpenSummary, RoundedShares, SumBlock, SumBlocks, SurfaceElement, bytes_of_caps,
     open_winding_at,
 };
 pub use points::{brute_at, winding_at};

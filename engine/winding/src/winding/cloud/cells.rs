@@ -9,7 +9,7 @@
 
 use super::super::open::{Cluster, ClusterTree, ConcurrentCache, LocalExpansion, MemorySize, local_bound};
 use super::dipole::Dipole;
-use super::far::{ClusterMoments, FarCluster, FarDipole, add_clusters, add_dipoles, moments_of};
+use super::far::{C, ClusterMoments, FarCluster, FarDipole, add_clusters, add_dipoles, moments_of};
 use super::near::{NearPoints, SampleRegion, SampleWays};
 use crate::brick::POINTS;
 use crate::error::Result;
@@ -61,7 +61,7 @@ pub(super) struct CloudCell {
     /// The middle of the samples that it can hold.
     center: [f64; 3],
     /// What is far.
-    pub local: LocalExpansion,
+    pub local: LocalExpansion<C>,
     /// Bound on the polynomial's error.
     spent: f64,
     /// What is not: clusters, or of a final cell points.
@@ -251,7 +251,7 @@ impl FarCandidate {
         if q >= RATIO_MAX || q * q * q * (q * q * q) * (7.0 - 6.0 * q) > share * beyond * beyond {
             return None;
         }
-        let bound = local_bound(reach, distance, radius);
+        let bound = local_bound::<C, 3>(reach, distance, radius);
         let own = bound * squared * (4.0 * PI) / reach.area;
         (own <= share).then_some(FarCandidate { cluster: number, way, bound, share: own })
     }

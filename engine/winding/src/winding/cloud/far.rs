@@ -1,10 +1,13 @@
 //! Dipoles and clusters far from a cell as its polynomial, as [`LocalExpansion`] adds them, but in 32 bits.
 
-use super::super::open::{COEFFICIENTS as C, Expansion, LocalExpansion, Translation};
+use super::super::open::{Expansion, LocalExpansion, Translation};
 use crate::wide::{Simd, SimdBase, dispatch, f32x8, f32x16, level, transposed};
 
 /// What is added at a time.
 const LANES: usize = 16;
+
+/// Coefficients of a cell's polynomial along an axis: what is cut off is within the errors of clouds.
+pub(super) const C: usize = 6;
 
 /// Moments of a cluster as [`Expansion::moments`] has them, and a 0.
 pub(super) type ClusterMoments = [f32; 16];
@@ -33,18 +36,19 @@ pub(super) fn moments_of(expansion: &Expansion) -> ClusterMoments {
 }
 
 /// Adds dipoles to the polynomial of a cell, in which no sample is farther than `radius` from the middle.
-pub(super) fn add_dipoles(local: &mut LocalExpansion, dipoles: &[FarDipole], radius: f64) {
+pub(super) fn add_dipoles(local: &mut LocalExpansion<C>, dipoles: &[FarDipole], radius: f64) {
     dispatch!(level(), simd => add_dipoles_with(simd, local, dipoles, radius));
 }
 
 /// The same of clusters.
-pub(super) fn add_clusters(local: &mut LocalExpansion, clusters: &[FarCluster<'_>], radius: f64) {
+pub(super) fn add_clusters(local: &mut LocalExpansion<C>, clusters: &[FarCluster<'_>], radius: f64) {
     dispatch!(level(), simd => add_clusters_with(simd, local, clusters, radius));
 }
 
 #[inline(always)]
-fn add_dipoles_with<S: Simd>(simd: S, local: &mut LocalExpansion, dipoles: &[FarDipole], radius: f64) {
-    let mut translation: Translation<S, f32x16<S>, _> = Translation::new(simd, |number| number as f32);
+fn add_dipoles_with<S: Simd>(simd: S, local: &mut LocalExpansion<C>, dipoles: &[FarDipole], radius: f64) {
+    let mut translation: Translation<S, f32x16<S>, _, C, { C + 1 }> =
+        Translation::new(simd, |number| number as f32);
     for some in dipoles.chunks(LANES) {
         let mut way = [[1.0f32; LANES]; 3];
         let mut moments = [[0.0f32; LANES]; 3];
@@ -58,12 +62,18 @@ fn add_dipoles_with<S: Simd>(simd: S, local: &mut LocalExpansion, dipoles: &[Far
 }
 
 #[inline(always)]
-fn add_clusters_with<S: Simd>(simd: S, local: &mut LocalExpansion, clusters: &[FarCluster<'_>], radius: f64) {
+fn add_clusters_with<S: Simd>(
+    simd: S,
+    local: &mut LocalExpansion<C>,
+    clusters: &[FarCluster<'_>],
+    radius: f64,
+) {
     // In units in which all numbers are near 1.
     let scale = (1.0 / radius) as f32;
     let squared = scale * scale;
     let by_degree = [squared, squared * scale, squared * squared];
-    let mut translation: Translation<S, f32x16<S>, _> = Translation::new(simd, |number| number as f32);
+    let mut translation: Translation<S, f32x16<S>, _, C, { C + 1 }> =
+        Translation::new(simd, |number| number as f32);
     for some in clusters.chunks(LANES) {
         // Idle lanes have no moments.
         let mut way = [[1.0f32; LANES]; 3];
@@ -99,7 +109,11 @@ fn vectors_of<S: Simd>(simd: S, way: &[[f32; LANES]; 3]) -> [f32x16<S>; 3] {
 
 /// Adds what all lanes have found, in units of the cell's radius, to its polynomial.
 #[inline(always)]
-fn add_sums<S: Simd, N>(local: &mut LocalExpansion, translation: &Translation<S, f32x16<S>, N>, radius: f64) {
+fn add_sums<S: Simd, N>(
+    local: &mut LocalExpansion<C>,
+    translation: &Translation<S, f32x16<S>, N, C, { C + 1 }>,
+    radius: f64,
+) {
     let scale = 1.0 / radius;
     let mut powers = [1.0; C];
     (1..C).for_each(|n| powers[n] = powers[n - 1] * scale);

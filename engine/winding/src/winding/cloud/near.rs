@@ -4,6 +4,7 @@
 
 use super::super::open::LocalExpansion;
 use super::dipole::Dipole;
+use super::far::C;
 use crate::brick::POINTS;
 use crate::lattice::BRICK_POINTS;
 use crate::wide::{Bytes, Select, Simd, SimdBase, dispatch, f32x16, level, u32x16};
@@ -53,12 +54,12 @@ impl SampleRegion {
     }
 
     /// Sets all samples to the values of a polynomial; `ways` tell how far samples are from its centre.
-    pub fn fill(&self, local: &LocalExpansion, ways: &SampleWays, values: &mut [f64; POINTS]) {
+    pub fn fill(&self, local: &LocalExpansion<C>, ways: &SampleWays, values: &mut [f64; POINTS]) {
         dispatch!(level(), _simd => self.fill_with(local, ways, values));
     }
 
     #[inline(always)]
-    fn fill_with(&self, local: &LocalExpansion, ways: &SampleWays, values: &mut [f64; POINTS]) {
+    fn fill_with(&self, local: &LocalExpansion<C>, ways: &SampleWays, values: &mut [f64; POINTS]) {
         let SampleRegion { from, to } = *self;
         let of_box: [&[f64]; 3] = std::array::from_fn(|axis| &ways[axis][from[axis]..to[axis]]);
         local.at_grid(

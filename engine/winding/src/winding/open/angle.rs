@@ -263,6 +263,26 @@ impl SurfaceElement for Cap {
         }
     }
 
+    const HAS_HIGH_MOMENTS: bool = true;
+
+    /// The rule of seven points that is exact up to the fifth degree (Radon 1948).
+    fn dipoles(&self, each: &mut dyn FnMut([f64; 3], [f64; 3])) {
+        let root = 15f64.sqrt();
+        let [a, b, c] = self.vertices;
+        let mut add = |weight: f64, [u, v, w]: [f64; 3]| {
+            let at = std::array::from_fn(|i| u * a[i] + v * b[i] + w * c[i]);
+            each(at, self.normal.map(|n| 0.5 * weight * n));
+        };
+        add(9.0 / 40.0, [1.0 / 3.0; 3]);
+        for sign in [-1.0, 1.0] {
+            let (near, weight) = ((6.0 + sign * root) / 21.0, (155.0 + sign * root) / 1200.0);
+            let far = 1.0 - 2.0 * near;
+            [[far, near, near], [near, far, near], [near, near, far]]
+                .into_iter()
+                .for_each(|at| add(weight, at));
+        }
+    }
+
     fn add_to(&self, center: [f64; 3], moments: &mut Moments) {
         let area = self.normal.map(|n| 0.5 * n);
         let d = self.vertices.map(|v| -> [f64; 3] { std::array::from_fn(|i| v[i] - center[i]) });

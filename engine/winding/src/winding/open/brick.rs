@@ -5,7 +5,7 @@ use super::super::scan::{SampleCube, ScanFacet};
 use super::angle::Cap;
 use super::blocks::{SumBlock, SumBlocks};
 use super::cells::{BoundedTree, CellCache, CellPoints, PointSpacing};
-use super::local::LocalExpansion;
+use super::local::CellExpansion;
 use super::region::CellSum;
 use super::regions::{CellSums, Range3};
 use super::sample_blocks::{BLOCK_BITS, for_blocks};
@@ -401,7 +401,7 @@ impl Shares {
 
 /// Fills a box of a brick's samples with the values of a polynomial; `ways` tell how far samples are from its centre.
 #[inline(always)]
-fn fill_smooth(values: &mut [f64; POINTS], [from, to]: Range3, local: &LocalExpansion, ways: &[[f64; P]; 3]) {
+fn fill_smooth(values: &mut [f64; POINTS], [from, to]: Range3, local: &CellExpansion, ways: &[[f64; P]; 3]) {
     let of_box: [&[f64]; 3] = std::array::from_fn(|axis| &ways[axis][from[axis]..=to[axis]]);
     local.at_grid(
         of_box,

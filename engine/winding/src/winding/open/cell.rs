@@ -1,7 +1,7 @@
 //! One cell of the far field, how its points are answered, and what of these is kept.
 
 use super::concurrent_cache::{ConcurrentCache, MemorySize};
-use super::local::LocalExpansion;
+use super::local::CellExpansion;
 use super::region::CellSum;
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ pub const FAR_FIELD_BYTES: u64 = (2 * KEPT_BYTES + REGION_BYTES) as u64;
 #[derive(Clone, Debug)]
 pub(super) struct FarCell {
     pub center: [f64; 3],
-    pub local: LocalExpansion,
+    pub local: CellExpansion,
     /// Bound on the polynomial's error.
     pub spent: f64,
     /// Clusters that the polynomial leaves out.
@@ -36,7 +36,7 @@ pub(super) enum CellPlan {
 #[derive(Debug)]
 pub(super) struct ExpansionSum {
     pub center: [f64; 3],
-    pub local: LocalExpansion,
+    pub local: CellExpansion,
     pub clusters: Vec<u32>,
     pub elements: Vec<u32>,
 }

@@ -1,7 +1,7 @@
 //! The sum over a cluster tree at many points, cell by cell: what is far as a polynomial, what is near one by one.
 //!
 //! Cells are the cubes of an octree over the lattice. A cell takes over its parent's polynomial, adds the clusters
-//! that have become far enough ([`LocalExpansion`]), and hands the rest down to its children.
+//! that have become far enough ([`CellExpansion`]), and hands the rest down to its children.
 //!
 //! This is the fast multipole method (Greengard & Rokhlin 1987), with the sum of all error bounds on the way as the
 //! criterion in place of an opening angle. What is left in a cell when points in it are asked for is seen through the
@@ -11,13 +11,12 @@
 //! next time, whichever thread asks then.
 
 use super::cell::{CellId, CellPlan, ExpansionSum, FarCell};
-use super::local::{LocalExpansion, local_bound};
-use super::moments::{GROUP, SurfaceElement, error_bound};
+use super::high_moments::HIGH_DEGREE;
+use super::local::{CELL_DEGREE, CellExpansion, local_bound};
+use super::moments::{GROUP, Reach, SurfaceElement, error_bound};
 use super::tree::{Cluster, ClusterTree};
 use super::wide::{Simd, SimdBase, dispatch, each_of, f64x8, level, way};
 use crate::lattice::{ROOT_BITS, Units, length};
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 /// log₂ of the edge of the cell that holds every position answered.
@@ -32,6 +31,8 @@ const LEVEL_SHARE: f64 = 0.3;
 /// Share of what is left then that the polynomial of a block of points may take: before blocks had one of their own,
 /// three times as many clusters were left to be seen from each sample.
 const OWN_SHARE: f64 = 0.6;
+/// By how much the limit on single bounds is lowered while their sum is too large.
+const LOWERED: f64 = 0.5;
 /// Clusters that reach farther than this share of a cell's radius are divided rather than handed down.
 const SIZE_MAX: f64 = 1.0;
 /// Clusters that reach farther than this share of their distance are divided for a bound on what they add.
@@ -87,30 +88,9 @@ pub(super) struct BoundedTree<'a, E> {
     error: f64,
 }
 
-/// A cluster by its bound; the one with the largest comes first.
-#[derive(PartialEq)]
-struct Candidate {
-    bound: f64,
-    cluster: u32,
-}
-
-impl Ord for Candidate {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.bound.total_cmp(&other.bound).then(other.cluster.cmp(&self.cluster))
-    }
-}
-
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Eq for Candidate {}
-
 /// What [`choose`] found.
 struct Choice {
-    /// Clusters whose bounds together are within the budget, ascending.
+    /// Clusters whose bounds together are within the budget.
     taken: Vec<u32>,
     /// The sum of their bounds.
     spent: f64,
@@ -118,56 +98,44 @@ struct Choice {
     left: Vec<u32>,
 }
 
-/// Takes as many of some clusters as a budget allows: the one with the largest bound is divided, or left if
-/// `halves` says so, until the bounds of all others add up to no more than the budget.
+/// Takes as many of some clusters as a budget allows: those with a bound above a limit are divided, or left if `halves`
+/// says so, and the limit is lowered until the bounds of all others add up to no more than the budget.
 fn choose(
     clusters: &[u32],
     budget: f64,
     bound: impl Fn(u32) -> f64,
     halves: impl Fn(u32) -> Option<[u32; 2]>,
 ) -> Choice {
-    let candidate = |&cluster: &u32| Candidate { bound: bound(cluster), cluster };
-    let finite = |bound: f64| if bound.is_finite() { bound } else { 0.0 };
-    // What divides the infinite ones first needs no order.
-    let mut left = Vec::new();
-    let mut kept = Vec::with_capacity(clusters.len());
-    let mut waiting = clusters.to_vec();
-    while let Some(cluster) = waiting.pop() {
-        let found = candidate(&cluster);
-        if found.bound <= budget {
-            kept.push(found);
-        } else if let Some(halves) = halves(cluster) {
-            waiting.extend(halves);
-        } else {
-            left.push(cluster);
-        }
-    }
-    let mut total: f64 = kept.iter().map(|c| c.bound).sum();
-    let mut heap = BinaryHeap::from(kept);
+    let mut limit = budget;
+    let mut found: Vec<(f64, u32)> = Vec::with_capacity(clusters.len());
+    let (mut left, mut waiting) = (Vec::new(), clusters.to_vec());
+    let divide = |cluster: u32, waiting: &mut Vec<u32>, left: &mut Vec<u32>| match halves(cluster) {
+        Some(halves) => waiting.extend(halves),
+        None => left.push(cluster),
+    };
     loop {
-        while total > budget
-            && let Some(Candidate { bound, cluster }) = heap.pop()
-        {
-            total -= bound;
-            match halves(cluster) {
-                Some(halves) => halves.iter().for_each(|half| {
-                    let half = candidate(half);
-                    total += finite(half.bound);
-                    if half.bound.is_finite() { heap.push(half) } else { left.push(half.cluster) }
-                }),
-                None => left.push(cluster),
+        while let Some(cluster) = waiting.pop() {
+            let bound = bound(cluster);
+            if bound <= limit {
+                found.push((bound, cluster));
+            } else {
+                divide(cluster, &mut waiting, &mut left);
             }
         }
-        // Without what subtractions have lost.
-        total = heap.iter().map(|c| c.bound).sum();
-        if total <= budget {
-            break;
+        let spent: f64 = found.iter().map(|(bound, _)| bound).sum();
+        if spent <= budget || found.is_empty() {
+            let taken = found.into_iter().map(|(_, cluster)| cluster).collect();
+            return Choice { taken, spent, left };
         }
+        limit *= LOWERED;
+        found.retain(|&(bound, cluster)| {
+            let is_kept = bound <= limit;
+            if !is_kept {
+                divide(cluster, &mut waiting, &mut left);
+            }
+            is_kept
+        });
     }
-    let mut taken: Vec<u32> = heap.into_iter().map(|c| c.cluster).collect();
-    taken.sort_unstable();
-    left.sort_unstable();
-    Choice { taken, spent: total, left }
 }
 
 impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
@@ -207,7 +175,7 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
 
     /// A polynomial, with its centre, that gives the sum anywhere in a cell within the error, if there is one that takes no
     /// cluster that is too near.
-    pub fn as_polynomial(&self, id: CellId) -> Option<([f64; 3], LocalExpansion)> {
+    pub fn as_polynomial(&self, id: CellId) -> Option<([f64; 3], CellExpansion)> {
         let cell = self.cell(id);
         let clusters = self.tree.clusters();
         let radius = 0.5 * 3f64.sqrt() * (1u64 << id.0) as f64;
@@ -216,18 +184,18 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
         while let Some(c) = waiting.pop() {
             let cluster = &clusters[c as usize];
             let way: [f64; 3] = std::array::from_fn(|a| cluster.center[a] - cell.center[a]);
-            let bound = local_bound(cluster.reach, length(way), radius);
+            let bound = self.far_bound(cluster.reach, length(way), radius);
             match cluster.halves(c) {
                 _ if bound <= left * CLUSTER_SHARE => {
                     left -= bound;
-                    taken.push((way, &cluster.expansion));
+                    taken.push(c);
                 }
                 Some(halves) if taken.len() < SMOOTH_CLUSTERS => waiting.extend(halves),
                 _ => return None,
             }
         }
         let mut local = cell.local.clone();
-        local.add(&taken);
+        self.add_far(&mut local, cell.center, &taken);
         Some((cell.center, local))
     }
 
@@ -340,7 +308,7 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
         debug_assert!(bits <= TOP_BITS);
         let (mut cell, way) = if bits == TOP_BITS {
             let all =
-                FarCell { center: [0.0; 3], local: LocalExpansion::default(), spent: 0.0, near: vec![0] };
+                FarCell { center: [0.0; 3], local: CellExpansion::default(), spent: 0.0, near: vec![0] };
             (all, [0.0; 3])
         } else {
             let above = self.cell((bits + 1, place.map(|c| c >> 1)));
@@ -355,7 +323,9 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
 
     /// Moves the polynomial's centre by `way` and adds to it what is far enough from all points within `radius`.
     fn take_over(&self, cell: &mut FarCell, way: [f64; 3], radius: f64, budget: f64) {
-        cell.local = cell.local.shifted(way);
+        if cell.spent > 0.0 {
+            cell.local.shift(way);
+        }
         (0..3).for_each(|a| cell.center[a] += way[a]);
         if cell.near.is_empty() {
             return;
@@ -364,16 +334,42 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
         let center = cell.center;
         let way =
             |c: u32| -> [f64; 3] { std::array::from_fn(|a| clusters[c as usize].center[a] - center[a]) };
-        let bound = |c: u32| local_bound(clusters[c as usize].reach, length(way(c)), radius);
+        let bound = |c: u32| self.far_bound(clusters[c as usize].reach, length(way(c)), radius);
         let halves = |c: u32| {
             let cluster = &clusters[c as usize];
             cluster.halves(c).filter(|_| cluster.reach.farthest > SIZE_MAX * radius)
         };
         let choice = choose(&cell.near, budget, bound, halves);
-        let far: Vec<_> = choice.taken.iter().map(|&c| (way(c), &clusters[c as usize].expansion)).collect();
-        cell.local.add(&far);
+        if !choice.taken.is_empty() {
+            self.add_far(&mut cell.local, center, &choice.taken);
+        }
         cell.spent += choice.spent;
         cell.near = choice.left;
+    }
+
+    /// [`local_bound`] with the moments that clusters have.
+    fn far_bound(&self, reach: Reach, distance: f64, radius: f64) -> f64 {
+        if self.tree.high_moments().is_empty() {
+            local_bound::<CELL_DEGREE, 3>(reach, distance, radius)
+        } else {
+            local_bound::<CELL_DEGREE, HIGH_DEGREE>(reach, distance, radius)
+        }
+    }
+
+    /// Adds clusters to a polynomial about a centre.
+    fn add_far(&self, local: &mut CellExpansion, center: [f64; 3], clusters: &[u32]) {
+        let all = self.tree.clusters();
+        let way = |c: u32| -> [f64; 3] { std::array::from_fn(|a| all[c as usize].center[a] - center[a]) };
+        const D: usize = CELL_DEGREE + 1;
+        let high = self.tree.high_moments();
+        if !high.is_empty() {
+            let far: Vec<_> = clusters.iter().map(|&c| (way(c), &high[c as usize].0)).collect();
+            local.add::<D, _>(&far);
+        } else {
+            let moments: Vec<_> = clusters.iter().map(|&c| all[c as usize].expansion.moments()).collect();
+            let far: Vec<_> = clusters.iter().zip(&moments).map(|(&c, moments)| (way(c), moments)).collect();
+            local.add::<D, _>(&far);
+        }
     }
 
     /// Decides how points of a cell are answered, from what is known of the cell above.
@@ -411,12 +407,13 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
     fn sum_with<S: Simd>(&self, simd: S, sum: &ExpansionSum, points: &mut CellPoints) {
         let ExpansionSum { center, local, clusters, elements } = sum;
         let CellPoints { positions, values } = points;
+        local.at_points(*center, positions, values);
         for (some, values) in positions.chunks(GROUP).zip(values.chunks_mut(GROUP)) {
             // Idle places repeat the last point.
             let at: [[f64; GROUP]; 3] =
                 [0, 1, 2].map(|a| std::array::from_fn(|l| f64::from(some[l.min(some.len() - 1)][a])));
-            let [x, y, z] = [0, 1, 2].map(|a| at[a].map(|c| c - center[a]));
-            let mut sums = f64x8::from_slice(simd, &local.at(&x, &y, &z));
+            let own: [f64; GROUP] = std::array::from_fn(|l| values.get(l).copied().unwrap_or(0.0));
+            let mut sums = f64x8::from_slice(simd, &own);
             let places = each_of(simd, &at);
             for &c in clusters {
                 let Cluster { center, expansion, .. } = &self.tree.clusters()[c as usize];

@@ -1,23 +1,30 @@
 //! Local expansions: the field of far clusters as a polynomial about a cell's centre.
 //!
 //! A cluster at r = c − b from the centre b of a cell gives, at b + t, w = −Σ_α M_α ∂^α φ(r − t) with φ = 1/(4π|r|)
-//! and the moments M_α of degree m = |α| from 1 to 3. Taylor's series in t, cut off where m + |β| exceeds [`DEGREE`],
-//! is Σ_β L_β t^β with L_β = −(−1)^|β|/β!
+//! and the moments M_α of degree m = |α| from 1 to M. Taylor's series in t, cut off where m + |β| exceeds C, is
+//! Σ_β L_β t^β with L_β = −(−1)^|β|/β! Σ_α M_α ∂^{α+β} φ(r) (Greengard & Rokhlin 1987; in Cartesian form Duan & Krasny
+//! 2001, whose recurrence gives the derivatives). φ is harmonic, and so is the polynomial for each m and |β|:
+//! ∂_z² = −∂_x² − ∂_y² leaves 2m + 1 moments of degree m, and only the coefficients with β_z ≤ 1 need to be summed.
 //!
-//! Σ_α M_α ∂^{α+β} φ(r) (Greengard & Rokhlin 1987; in Cartesian form Duan & Krasny 2001, whose recurrence gives the
-//! derivatives). φ is harmonic, and so is the polynomial for each m and |β|: ∂_z² = −∂_x² − ∂_y² leaves 15 of the 19
-//! moments, and only the coefficients with β_z ≤ 1 need to be summed.
+//! Points of a cloud take C = 6 and M = 3. Caps, which are long and few, take C = 8 and M = 6.
 
-use super::moments::{Expansion, GROUP, Reach, error_bound};
-use super::translation::{C, DEGREE, LANES, Translation};
-use super::wide::{Simd, SimdBase, dispatch, each_of, level};
+use super::high_moments::{HIGH_DEGREE, high_error_bound};
+use super::moments::{GROUP, Reach, error_bound};
+use super::translation::{LANES, Translation};
+use super::wide::{Simd, SimdBase, dispatch, each_of, f64x8, level};
+use crate::lattice::Units;
 use std::f64::consts::PI;
 
-/// A polynomial: coefficients by power of z, y, x, where these add up to less than [`DEGREE`].
-#[derive(Clone, Debug, PartialEq)]
-pub(in crate::winding) struct LocalExpansion([[[f64; C]; C]; C]);
+/// Coefficients along an axis of the polynomials that cells over a [`super::ClusterTree`] have.
+pub(super) const CELL_DEGREE: usize = 8;
+/// Such a polynomial.
+pub(super) type CellExpansion = LocalExpansion<CELL_DEGREE>;
 
-impl Default for LocalExpansion {
+/// A polynomial: coefficients by power of z, y, x, where these add up to less than C.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::winding) struct LocalExpansion<const C: usize>([[[f64; C]; C]; C]);
+
+impl<const C: usize> Default for LocalExpansion<C> {
     fn default() -> Self {
         LocalExpansion([[[0.0; C]; C]; C])
     }
@@ -29,44 +36,52 @@ impl Default for LocalExpansion {
 /// With s the way from the cluster's centre to a source and t that from the cell's centre to a point, 1/|r + s − t|
 /// has in degree m of s and n − m of t a part C(n,m) H(s,…,s,t,…,t), H being the symmetric form of the solid harmonic
 /// |u|^n P_n/r^{n+1}. On a Euclidean space such a form is nowhere larger than its polynomial (Banach 1938), so a
-/// dipole of area A has there at most A C(n,m) m s^{m−1} t^{n−m}/r^{n+1}. All parts with m ≥ 4 together are the error
-/// of the cluster's own expansion at r − t.
+/// dipole of area A has there at most A C(n,m) m s^{m−1} t^{n−m}/r^{n+1}. All parts with m > M together are the error
+/// of the cluster's own moments at r − t.
 ///
-/// Those with m ≤ 3 and n > N are, with s̄ the root of the mean of s² and q = (s̄ + t)/r, at most A/r² Σ_{n>N} n
-/// q^{n−1} = A/r² · q^N ((N + 1) − N q)/(1 − q)².
-pub(in crate::winding) fn local_bound(reach: Reach, distance: f64, radius: f64) -> f64 {
+/// Those with m ≤ M and n > C are, with s̄ the root of the mean of s^{M−1} and q = (s̄ + t)/r, at most A/r² Σ_{n>C} n
+/// q^{n−1} = A/r² · q^C ((C + 1) − C q)/(1 − q)².
+pub(in crate::winding) fn local_bound<const C: usize, const M: usize>(
+    reach: Reach,
+    distance: f64,
+    radius: f64,
+) -> f64 {
+    const { assert!((C == 6 || C == 8) && (M == 3 || M == HIGH_DEGREE)) };
     let q = (reach.spread + radius) / distance;
     // Beyond, the sums of bounds would lose too many digits.
     if q > 0.9 || distance == 0.0 {
         return f64::INFINITY;
     }
-    const N: f64 = DEGREE as f64;
-    let power = q * q * q;
-    let power = power * power;
-    const { assert!(DEGREE == 6, "the power above") };
-    let cut = reach.area / (distance * distance) * power * ((N + 1.0) - N * q)
+    let cubed = q * q * q;
+    let power = if C == 6 { cubed * cubed } else { cubed * cubed * (q * q) };
+    let n = C as f64;
+    let cut = reach.area / (distance * distance) * power * ((n + 1.0) - n * q)
         / ((1.0 - q) * (1.0 - q))
         / (4.0 * PI);
-    cut + error_bound(reach, distance - radius)
+    let beyond = if M == 3 { error_bound } else { high_error_bound };
+    cut + beyond(reach, distance - radius)
 }
 
-impl LocalExpansion {
-    /// Adds the fields of clusters, each given by the way from the cell's centre to its own.
-    pub fn add(&mut self, clusters: &[([f64; 3], &Expansion)]) {
-        dispatch!(level(), simd => self.add_with(simd, clusters));
+impl<const C: usize> LocalExpansion<C> {
+    /// Adds the fields of clusters, each given by the way from the cell's centre to its own and by its moments. D is C + 1.
+    pub fn add<const D: usize, const COUNT: usize>(&mut self, clusters: &[([f64; 3], &[f64; COUNT])]) {
+        dispatch!(level(), simd => self.add_with::<_, D, COUNT>(simd, clusters));
     }
 
     #[inline(always)]
-    fn add_with<S: Simd>(&mut self, simd: S, clusters: &[([f64; 3], &Expansion)]) {
-        let mut translation = Translation::new(simd, |number| number);
+    fn add_with<S: Simd, const D: usize, const COUNT: usize>(
+        &mut self,
+        simd: S,
+        clusters: &[([f64; 3], &[f64; COUNT])],
+    ) {
+        let mut translation: Translation<S, f64x8<S>, _, C, D> = Translation::new(simd, |number| number);
         for some in clusters.chunks(LANES) {
             // Idle lanes have no moments.
             let mut way = [[1.0; LANES]; 3];
-            let mut moments = [[0.0; LANES]; 15];
-            for (lane, (r, expansion)) in some.iter().enumerate() {
+            let mut moments = [[0.0; LANES]; COUNT];
+            for (lane, (r, own)) in some.iter().enumerate() {
                 (0..3).for_each(|a| way[a][lane] = r[a]);
-                let own = expansion.moments();
-                moments.iter_mut().zip(own).for_each(|(m, own)| m[lane] = own);
+                moments.iter_mut().zip(*own).for_each(|(m, own)| m[lane] = *own);
             }
             translation.add(simd, each_of(simd, &way), &moments);
         }
@@ -77,7 +92,7 @@ impl LocalExpansion {
 
     /// Adds sums of derivatives by order in z, y, x, those in z to the first, from which all coefficients follow.
     pub fn add_sums(&mut self, sums: &[[[f64; C]; C]; 2]) {
-        let mut found = LocalExpansion::default();
+        let mut found = LocalExpansion::<C>::default();
         let mut factorial = [1.0; C];
         (1..C).for_each(|i| factorial[i] = factorial[i - 1] * i as f64);
         for (z, planes) in sums.iter().enumerate() {
@@ -124,29 +139,40 @@ impl LocalExpansion {
     }
 
     /// The same polynomial about another centre, `way` from this one.
-    pub fn shifted(&self, way: [f64; 3]) -> LocalExpansion {
+    pub fn shifted(&self, way: [f64; 3]) -> LocalExpansion<C> {
         let mut to = self.clone();
-        let c = &mut to.0;
-        // Taylor's shift along one axis after the other, a line at a time.
-        for (axis, way) in way.into_iter().enumerate() {
-            for i in 0..C {
-                for j in 0..C - i {
-                    let at = |k: usize| match axis {
-                        0 => [i, j, k],
-                        1 => [i, k, j],
-                        _ => [k, i, j],
-                    };
-                    let last = C - 1 - i - j;
-                    for from in 0..last {
-                        for k in (from..last).rev() {
-                            let ([z, y, x], [w, v, u]) = (at(k), at(k + 1));
-                            c[z][y][x] += way * c[w][v][u];
-                        }
+        to.shift(way);
+        to
+    }
+
+    /// Moves its centre by this way.
+    pub fn shift(&mut self, [x, y, z]: [f64; 3]) {
+        let c = &mut self.0;
+        // Taylor's shift along one axis after the other. What is beyond the degrees is 0 and stays so.
+        for (depth, plane) in c.iter_mut().enumerate() {
+            let last = C - 1 - depth;
+            for (height, row) in plane[..C - depth].iter_mut().enumerate() {
+                let last = last - height;
+                for from in 0..last {
+                    for k in (from..last).rev() {
+                        row[k] += x * row[k + 1];
                     }
                 }
             }
+            for from in 0..last {
+                for k in (from..last).rev() {
+                    let (low, high) = plane.split_at_mut(k + 1);
+                    low[k].iter_mut().zip(&high[0]).for_each(|(low, high)| *low += y * high);
+                }
+            }
         }
-        to
+        for from in 0..C - 1 {
+            for k in (from..C - 1).rev() {
+                let (low, high) = c.split_at_mut(k + 1);
+                let (low, high) = (low[k].as_flattened_mut(), high[0].as_flattened());
+                low.iter_mut().zip(high).for_each(|(low, high)| *low += z * high);
+            }
+        }
     }
 
     /// The values at a grid of points: by axis how far they are from the centre. `row` tells where in `all` a row along x
@@ -199,22 +225,44 @@ impl LocalExpansion {
         (value, slope)
     }
 
-    /// The values at some points, given by their ways from the centre.
+    /// The values at some points, seen from the centre. Those in a row along x that follow each other cost least; a value has
+    /// the same bits whatever the others are.
     #[inline(always)]
-    pub fn at(&self, x: &[f64; GROUP], y: &[f64; GROUP], z: &[f64; GROUP]) -> [f64; GROUP] {
-        let mut value = [0.0; GROUP];
-        for k in (0..C).rev() {
-            let mut plane = [0.0; GROUP];
-            for j in (0..C - k).rev() {
-                let mut row = [self.0[k][j][C - 1 - k - j]; GROUP];
-                for i in (0..C - 1 - k - j).rev() {
-                    let c = self.0[k][j][i];
-                    (0..GROUP).for_each(|l| row[l] = row[l] * x[l] + c);
-                }
-                (0..GROUP).for_each(|l| plane[l] = plane[l] * y[l] + row[l]);
+    pub fn at_points(&self, center: [f64; 3], points: &[Units], values: &mut [f64]) {
+        let mut last = None;
+        let mut plane = [[0.0; C]; C];
+        let rows = points.chunk_by(|a, b| a[1..] == b[1..]).flat_map(|row| row.chunks(GROUP));
+        let mut values = values.iter_mut();
+        for row in rows {
+            let [_, y, z] = row[0];
+            if last != Some(z) {
+                last = Some(z);
+                plane = self.at_height(f64::from(z) - center[2]);
             }
-            (0..GROUP).for_each(|l| value[l] = value[l] * z[l] + plane[l]);
+            let y = f64::from(y) - center[1];
+            let mut line = [0.0; C];
+            for of_y in plane.iter().rev() {
+                line.iter_mut().zip(of_y).for_each(|(sum, c)| *sum = *sum * y + c);
+            }
+            let x: [f64; GROUP] =
+                std::array::from_fn(|l| row.get(l).map_or(0.0, |p| f64::from(p[0]) - center[0]));
+            let mut found = [0.0; GROUP];
+            for c in line.iter().rev() {
+                found.iter_mut().zip(&x).for_each(|(value, x)| *value = *value * x + c);
+            }
+            values.by_ref().take(row.len()).zip(found).for_each(|(value, found)| *value = found);
         }
-        value
+    }
+
+    /// Coefficients by power of y and x where z is so far from the centre.
+    #[inline(always)]
+    fn at_height(&self, z: f64) -> [[f64; C]; C] {
+        let mut plane = [[0.0; C]; C];
+        for (k, of_z) in self.0.iter().enumerate().rev() {
+            for (sums, row) in plane.iter_mut().zip(&of_z[..C - k]) {
+                sums.iter_mut().zip(row).for_each(|(sum, c)| *sum = *sum * z + c);
+            }
+        }
+        plane
     }
 }

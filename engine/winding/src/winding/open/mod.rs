@@ -18,6 +18,7 @@ mod caps;
 mod cell;
 mod cells;
 mod concurrent_cache;
+mod high_moments;
 mod local;
 mod loops;
 mod moments;
@@ -41,7 +42,7 @@ pub(super) use moments::Expansion;
 pub use moments::{GROUP, Moments, Reach, SurfaceElement};
 pub use points::open_winding_at;
 pub(super) use points::shares_at;
-pub(super) use translation::{C as COEFFICIENTS, Translation};
+pub(super) use translation::Translation;
 pub(super) use tree::Cluster;
 pub use tree::ClusterTree;
 
@@ -52,8 +53,10 @@ use crate::soup::Facets;
 use angle::Cap;
 use loops::Loops;
 
-/// What a cap takes for good: itself twice, and its part of the clusters.
-pub const OPEN_BYTES_A_CAP: u64 = (2 * size_of::<Triangle>() + size_of::<Cap>() + tree::CLUSTER_BYTES) as u64;
+/// What so many caps take for good: themselves twice, and the clusters over them.
+pub fn bytes_of_caps(caps: u64) -> u64 {
+    caps * (2 * size_of::<Triangle>() + size_of::<Cap>()) as u64 + tree::cluster_bytes::<Cap>(caps)
+}
 
 /// What is known of a soup's openness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -24,7 +24,8 @@ pub struct Reach {
     pub farthest: f64,
     /// Its area.
     pub area: f64,
-    /// At least the root of the mean of the squared distance over its area.
+    /// At least the root of the mean of the squared distance over its area; of the fifth power where the cluster has high
+    /// moments.
     pub spread: f64,
     /// At least the integrals over its area of the distance to the third, fourth and fifth.
     pub powers: [f64; 3],
@@ -32,7 +33,7 @@ pub struct Reach {
 
 /// One oriented piece of surface.
 pub trait SurfaceElement: Pod + Send + Sync {
-    /// Elements of a cluster that is not divided.
+    /// Elements of a cluster that is not divided, without high moments.
     const LEAF_ELEMENTS: usize;
     /// A point to sort by.
     fn position(&self) -> [f64; 3];
@@ -40,6 +41,11 @@ pub trait SurfaceElement: Pod + Send + Sync {
     fn area(&self) -> f64;
     /// How far it reaches from a centre.
     fn reach(&self, center: [f64; 3]) -> Reach;
+    /// Whether clusters have moments up to the sixth degree if there are not too many.
+    const HAS_HIGH_MOMENTS: bool = false;
+    /// Calls `each` with places and area vectors of dipoles whose moments about any point are those of the element up to
+    /// the sixth degree.
+    fn dipoles(&self, _each: &mut dyn FnMut([f64; 3], [f64; 3])) {}
     /// Adds its moments about a centre.
     fn add_to(&self, center: [f64; 3], moments: &mut Moments);
     /// Its solid angle over 4π seen from a lattice position.

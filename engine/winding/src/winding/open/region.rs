@@ -1,7 +1,7 @@
 //! What is known of a sum in a cell: see [`super::regions`].
 
 use super::concurrent_cache::MemorySize;
-use super::local::LocalExpansion;
+use super::local::CellExpansion;
 use std::sync::Arc;
 
 /// What is known of the sum in a cell.
@@ -10,7 +10,7 @@ pub(super) enum CellSum {
     /// It counts for nothing.
     Quiet,
     /// A polynomial about this centre gives it.
-    Smooth([f64; 3], Box<LocalExpansion>),
+    Smooth([f64; 3], Box<CellExpansion>),
     /// Nothing.
     Rough,
 }
@@ -18,6 +18,6 @@ pub(super) enum CellSum {
 impl MemorySize for Arc<CellSum> {
     /// With its key, its counts and its place in a table.
     fn bytes(&self) -> usize {
-        size_of::<LocalExpansion>() * usize::from(matches!(**self, CellSum::Smooth(..))) + 160
+        size_of::<CellExpansion>() * usize::from(matches!(**self, CellSum::Smooth(..))) + 160
     }
 }

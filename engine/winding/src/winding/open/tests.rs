@@ -2,6 +2,7 @@
 
 use super::angle::add_angles;
 use super::cells::{BoundedTree, CellCache, CellPoints, PointSpacing};
+use super::high_moments::{HIGH_DEGREE, HighMoments};
 use super::local::{LocalExpansion, local_bound};
 use super::moments::{GROUP, error_bound};
 use super::wide::{dispatch, level};
@@ -301,40 +302,80 @@ fn far_away_nothing_is_seen() {
     assert!(found[2..].iter().all(|w| *w == 0.0), "{found:?}");
 }
 
-/// Clusters and the points of a ball away from them: the polynomial is as good as its bound, also when moved.
+/// Clusters and the points of a ball away from them: the polynomial is as good as its bound, also when moved. With moments
+/// of the third degree and of the sixth, the latter from all elements and from those of two halves.
 #[test]
 fn a_local_expansion_keeps_its_bound() {
     let mut rng = Rng::new(11);
-    let mut nearly = 0.0f64;
+    let mut nearly = [0.0f64; 2];
     for round in 0..400 {
-        let triangles = random_triangles(&mut rng, 1 + round % 12, 1 << 18);
+        let triangles = random_triangles(&mut rng, 2 + round % 12, 1 << 18);
         let caps: Vec<Cap> = triangles.iter().filter(|t| normal(t) != [0; 3]).map(Cap::new).collect();
         let (center, reach, expansion) = tree::summary_of(&caps);
         let radius = reach.farthest * rng.range(0.1, 2.0);
         let away = (reach.farthest + radius) * rng.range(1.1, 4.0);
         let direction = unit_vector(&mut rng);
         let at: [f64; 3] = std::array::from_fn(|a| (center[a] + away * direction[a]).round());
-        let bound = local_bound(reach, away - 1.0, radius + 1.0);
-        let mut local = LocalExpansion::default();
-        local.add(&[(std::array::from_fn(|a| center[a] - at[a]), &expansion)]);
-        let way: [f64; 3] = std::array::from_fn(|_| (0.3 * radius * rng.range(-1.0, 1.0)).round());
-        let moved = local.shifted(way);
-        for _ in 0..GROUP {
-            let direction = unit_vector(&mut rng);
-            let p: Units = std::array::from_fn(|a| (at[a] + 0.99 * radius * direction[a]) as i32 | 1);
-            let seen = |polynomial: &LocalExpansion, from: [f64; 3]| {
-                let [x, y, z] = [0, 1, 2].map(|a| [f64::from(p[a]) - from[a]; GROUP]);
-                polynomial.at(&x, &y, &z)[0]
-            };
-            let exact: f64 = caps.iter().map(|c| c.share_at(p)).sum();
-            let found = seen(&local, at);
-            assert!((found - exact).abs() <= bound + 1e-12, "{found} {exact} {bound}");
-            let same = seen(&moved, std::array::from_fn(|a| at[a] + way[a]));
-            assert!((found - same).abs() < 1e-9 * (1.0 + found.abs()), "{found} {same}");
-            nearly = nearly.max((found - exact).abs() / bound);
-        }
+        let way = std::array::from_fn(|a| center[a] - at[a]);
+        let points: Vec<Units> = (0..GROUP)
+            .map(|_| {
+                let direction = unit_vector(&mut rng);
+                std::array::from_fn(|a| (at[a] + 0.99 * radius * direction[a]) as i32 | 1)
+            })
+            .collect();
+        let to: [f64; 3] = std::array::from_fn(|_| (0.3 * radius * rng.range(-1.0, 1.0)).round());
+
+        let bound = local_bound::<6, 3>(reach, away - 1.0, radius + 1.0);
+        let mut local = LocalExpansion::<6>::default();
+        local.add::<7, _>(&[(way, &expansion.moments())]);
+        nearly[0] = nearly[0].max(share_of_bound(&caps, &points, at, &local, bound, to));
+
+        let bound = local_bound::<8, 3>(reach, away - 1.0, radius + 1.0);
+        let mut local = LocalExpansion::<8>::default();
+        local.add::<9, _>(&[(way, &expansion.moments())]);
+        share_of_bound(&caps, &points, at, &local, bound, to);
+
+        let bound = local_bound::<8, HIGH_DEGREE>(reach, away - 1.0, radius + 1.0);
+        let mut local = LocalExpansion::<8>::default();
+        local.add::<9, _>(&[(way, &HighMoments::of(&caps, center).0)]);
+        nearly[1] = nearly[1].max(share_of_bound(&caps, &points, at, &local, bound, to));
+        let halves = caps.split_at(caps.len() / 2);
+        let halves = [halves.0, halves.1].map(|half| (half, tree::summary_of(half).0));
+        let moments = halves.map(|(half, center)| HighMoments::of(half, center));
+        let way_to = |n: usize| std::array::from_fn(|a| halves[n].1[a] - center[a]);
+        let both = HighMoments::of_both([(&moments[0], way_to(0)), (&moments[1], way_to(1))]);
+        let mut of_halves = LocalExpansion::<8>::default();
+        of_halves.add::<9, _>(&[(way, &both.0)]);
+        share_of_bound(&caps, &points, at, &of_halves, bound, to);
     }
-    assert!(nearly > 0.02 && nearly < 1.0, "{nearly}");
+    assert!(nearly.iter().all(|nearly| *nearly > 0.02 && *nearly < 1.0), "{nearly:?}");
+}
+
+/// The largest error of a polynomial about `at` as a share of its bound, which it keeps, and the same about a point beside.
+fn share_of_bound<const C: usize>(
+    caps: &[Cap],
+    points: &[Units],
+    at: [f64; 3],
+    local: &LocalExpansion<C>,
+    bound: f64,
+    to: [f64; 3],
+) -> f64 {
+    let moved = local.shifted(to);
+    let mut nearly = 0.0f64;
+    for p in points {
+        let seen = |polynomial: &LocalExpansion<C>, from: [f64; 3]| {
+            let mut value = [0.0];
+            polynomial.at_points(from, &[*p], &mut value);
+            value[0]
+        };
+        let exact: f64 = caps.iter().map(|c| c.share_at(*p)).sum();
+        let found = seen(local, at);
+        assert!((found - exact).abs() <= bound + 1e-12, "{found} {exact} {bound}");
+        let same = seen(&moved, std::array::from_fn(|a| at[a] + to[a]));
+        assert!((found - same).abs() < 1e-9 * (1.0 + found.abs()), "{found} {same}");
+        nearly = nearly.max((found - exact).abs() / bound);
+    }
+    nearly
 }
 
 fn unit_vector(rng: &mut Rng) -> [f64; 3] {

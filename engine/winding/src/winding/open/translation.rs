@@ -3,36 +3,70 @@
 use super::wide::{Simd, SimdFloat};
 use std::marker::PhantomData;
 
-/// Moments and coefficients are used as far as their degrees add up to this.
-pub(in crate::winding) const DEGREE: usize = 6;
-/// Coefficients along an axis.
-pub(in crate::winding) const C: usize = DEGREE;
 /// Clusters translated at a time in 64 bits, which vectorises.
 pub(in crate::winding) const LANES: usize = 8;
 
-/// The moments that count, by degree: orders in x, y, z.
-const MOMENTS: [&[[usize; 3]]; 3] = [
+/// The moments that count, by degree: orders in x, y, z, the last of which is 0 or 1.
+const MOMENTS: [&[[usize; 3]]; 6] = [
     &[[1, 0, 0], [0, 1, 0], [0, 0, 1]],
     &[[2, 0, 0], [0, 2, 0], [1, 1, 0], [0, 1, 1], [1, 0, 1]],
     &[[3, 0, 0], [0, 3, 0], [2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 2, 1], [1, 1, 1]],
+    &[[4, 0, 0], [3, 1, 0], [2, 2, 0], [1, 3, 0], [0, 4, 0], [3, 0, 1], [2, 1, 1], [1, 2, 1], [0, 3, 1]],
+    &[
+        [5, 0, 0],
+        [4, 1, 0],
+        [3, 2, 0],
+        [2, 3, 0],
+        [1, 4, 0],
+        [0, 5, 0],
+        [4, 0, 1],
+        [3, 1, 1],
+        [2, 2, 1],
+        [1, 3, 1],
+        [0, 4, 1],
+    ],
+    &[
+        [6, 0, 0],
+        [5, 1, 0],
+        [4, 2, 0],
+        [3, 3, 0],
+        [2, 4, 0],
+        [1, 5, 0],
+        [0, 6, 0],
+        [5, 0, 1],
+        [4, 1, 1],
+        [3, 2, 1],
+        [2, 3, 1],
+        [1, 4, 1],
+        [0, 5, 1],
+    ],
 ];
 
-/// Sums over clusters, one in each lane, of the derivatives of their fields.
-pub(in crate::winding) struct Translation<S, V, N> {
+/// Orders in x, y, z of all moments up to the sixth degree that count.
+pub(super) fn orders() -> impl Iterator<Item = [usize; 3]> {
+    MOMENTS.into_iter().flatten().copied()
+}
+
+/// Sums over clusters, one in each lane, of the derivatives of their fields. The degrees of moments and coefficients add
+/// up to at most C, so there are C coefficients along an axis; D is one more.
+pub(in crate::winding) struct Translation<S, V, N, const C: usize, const D: usize> {
     /// By order in z, y, x, those in z to the first.
     pub sums: [[[V; C]; C]; 2],
     /// Derivatives of 1/r by order in z, y, x, those in z to the second, of the clusters that are being added.
-    derivatives: [[[V; DEGREE + 1]; DEGREE + 1]; 3],
+    derivatives: [[[V; D]; D]; 3],
     /// A number as those of the vectors.
     number: N,
     simd: PhantomData<S>,
 }
 
-impl<S: Simd, V: SimdFloat<S>, N: Fn(f64) -> V::Element> Translation<S, V, N> {
+impl<S: Simd, V: SimdFloat<S>, N: Fn(f64) -> V::Element, const C: usize, const D: usize>
+    Translation<S, V, N, C, D>
+{
     #[inline(always)]
-    pub fn new(simd: S, number: N) -> Translation<S, V, N> {
+    pub fn new(simd: S, number: N) -> Translation<S, V, N, C, D> {
+        const { assert!(D == C + 1 && C <= 8) };
         let zero = V::splat(simd, number(0.0));
-        let derivatives = [[[zero; DEGREE + 1]; DEGREE + 1]; 3];
+        let derivatives = [[[zero; D]; D]; 3];
         Translation { sums: [[[zero; C]; C]; 2], derivatives, number, simd: PhantomData }
     }
 
@@ -56,8 +90,8 @@ impl<S: Simd, V: SimdFloat<S>, N: Fn(f64) -> V::Element> Translation<S, V, N> {
         let inverse = V::splat(simd, number(1.0)) / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
         d[0][0][0] = inverse.sqrt();
         for z in 0..2 {
-            for y in 0..=DEGREE - z {
-                for x in usize::from(y + z == 0)..=DEGREE - z - y {
+            for y in 0..=C - z {
+                for x in usize::from(y + z == 0)..=C - z - y {
                     let n = (x + y + z) as f64;
                     let (mut first, mut second) = (zero, zero);
                     if x > 0 {
@@ -80,8 +114,8 @@ impl<S: Simd, V: SimdFloat<S>, N: Fn(f64) -> V::Element> Translation<S, V, N> {
                 }
             }
         }
-        for y in 0..=DEGREE - 2 {
-            for x in 0..=DEGREE - 2 - y {
+        for y in 0..=C - 2 {
+            for x in 0..=C - 2 - y {
                 d[2][y][x] = -(d[0][y][x + 2] + d[0][y + 2][x]);
             }
         }
@@ -94,36 +128,52 @@ impl<S: Simd, V: SimdFloat<S>, N: Fn(f64) -> V::Element> Translation<S, V, N> {
         simd: S,
         moments: &[[V::Element; WIDTH]; COUNT],
     ) {
-        let d = &self.derivatives;
-        let mut moment = moments.iter();
-        for (degree, orders) in (1..).zip(MOMENTS) {
-            for (&[i, j, k], m) in orders.iter().zip(&mut moment) {
-                let m = V::from_slice(simd, m);
-                let last = DEGREE - degree;
-                for z in 0..2 {
-                    for y in 0..=last - z {
-                        let from = &d[k + z][j + y][i..];
-                        let to = &mut self.sums[z][y];
-                        // Rows of fixed lengths are unrolled: a third of a translation's time.
-                        match last - z - y {
-                            0 => add_row::<1, S, V>(to, m, from),
-                            1 => add_row::<2, S, V>(to, m, from),
-                            2 => add_row::<3, S, V>(to, m, from),
-                            3 => add_row::<4, S, V>(to, m, from),
-                            4 => add_row::<5, S, V>(to, m, from),
-                            _ => add_row::<C, S, V>(to, m, from),
-                        }
-                    }
+        for z in 0..2 {
+            for y in 0..C - z {
+                // Rows of fixed lengths stay in registers.
+                match C - z - y {
+                    1 => self.contract_row::<1, WIDTH, COUNT>(simd, moments, z, y),
+                    2 => self.contract_row::<2, WIDTH, COUNT>(simd, moments, z, y),
+                    3 => self.contract_row::<3, WIDTH, COUNT>(simd, moments, z, y),
+                    4 => self.contract_row::<4, WIDTH, COUNT>(simd, moments, z, y),
+                    5 => self.contract_row::<5, WIDTH, COUNT>(simd, moments, z, y),
+                    6 => self.contract_row::<6, WIDTH, COUNT>(simd, moments, z, y),
+                    7 => self.contract_row::<7, WIDTH, COUNT>(simd, moments, z, y),
+                    _ => self.contract_row::<8, WIDTH, COUNT>(simd, moments, z, y),
                 }
             }
         }
     }
-}
 
-#[inline(always)]
-fn add_row<const N: usize, S: Simd, V: SimdFloat<S>>(sums: &mut [V; C], m: V, terms: &[V]) {
-    let terms = terms.first_chunk::<N>().expect("orders add up to no more than the degree");
-    for (sum, &term) in sums.iter_mut().zip(terms) {
-        *sum += m * term;
+    /// The same for the coefficients of one row.
+    #[inline(always)]
+    fn contract_row<const ROW: usize, const WIDTH: usize, const COUNT: usize>(
+        &mut self,
+        simd: S,
+        moments: &[[V::Element; WIDTH]; COUNT],
+        z: usize,
+        y: usize,
+    ) {
+        let d = &self.derivatives;
+        let mut sums: [V; ROW] = std::array::from_fn(|x| self.sums[z][y][x]);
+        let mut first = 0;
+        // Degree by degree, for moments of a higher one have fewer coefficients.
+        macro_rules! add {
+            ($($degree:literal)*) => {$(
+                if first < COUNT && $degree <= ROW {
+                    for ([i, j, k], m) in MOMENTS[$degree - 1].iter().zip(&moments[first..]) {
+                        let m = V::from_slice(simd, m);
+                        let terms = &d[k + z][j + y][*i..][..ROW + 1 - $degree];
+                        for (sum, &term) in sums.iter_mut().zip(terms) {
+                            *sum += m * term;
+                        }
+                    }
+                    first += MOMENTS[$degree - 1].len();
+                }
+            )*};
+        }
+        add!(1 2 3 4 5 6);
+        let _ = first;
+        self.sums[z][y][..ROW].copy_from_slice(&sums);
     }
 }

@@ -1,6 +1,7 @@
 //! The hierarchy of clusters.
 
 use super::cell::ExpansionCache;
+use super::high_moments::{HighMoments, fifth_root};
 use super::moments::{Expansion, Moments, Reach, SurfaceElement, error_bound};
 use crate::error::Result;
 use crate::large_array::{ArrayRoom, LargeArray};
@@ -52,14 +53,36 @@ impl Cluster {
     }
 }
 
-/// What one takes.
-pub(super) const CLUSTER_BYTES: usize = size_of::<Cluster>();
+/// Most elements that have high moments, in clusters of one: beyond, clusters would take more than 160 MiB.
+const FINE_ELEMENTS: usize = 1 << 17;
+
+/// What clusters over so many elements take, which have high moments if they are few.
+pub(super) fn cluster_bytes<E: SurfaceElement>(elements: u64) -> u64 {
+    let count = elements as usize;
+    let of_one = if is_fine::<E>(count) {
+        size_of::<Cluster>() + size_of::<HighMoments>()
+    } else {
+        size_of::<Cluster>()
+    };
+    (clusters_of(count, leaf_of::<E>(count)) * of_one) as u64
+}
+
+fn is_fine<E: SurfaceElement>(elements: usize) -> bool {
+    E::HAS_HIGH_MOMENTS && elements <= FINE_ELEMENTS
+}
+
+/// Elements of a cluster that is not divided, where there are so many.
+fn leaf_of<E: SurfaceElement>(elements: usize) -> usize {
+    if is_fine::<E>(elements) { 1 } else { E::LEAF_ELEMENTS }
+}
 
 /// Elements of surface in clusters, halved again and again.
 #[derive(Debug)]
 pub struct ClusterTree<E> {
     elements: LargeArray<E>,
     clusters: LargeArray<Cluster>,
+    /// By cluster, if elements have them.
+    high: LargeArray<HighMoments>,
     made: ExpansionCache,
 }
 
@@ -74,11 +97,15 @@ impl<E: SurfaceElement> ClusterTree<E> {
     /// # Errors
     /// If the temporary file for them cannot be written.
     pub fn of(mut elements: LargeArray<E>) -> Result<ClusterTree<E>> {
-        let mut clusters = LargeArray::zeroed(clusters_of::<E>(elements.len()), elements.room())?;
+        let leaf = leaf_of::<E>(elements.len());
+        let count = clusters_of(elements.len(), leaf);
+        let mut clusters = LargeArray::zeroed(count, elements.room())?;
+        let high = if is_fine::<E>(elements.len()) { count } else { 0 };
+        let mut high = LargeArray::zeroed(high, elements.room())?;
         if !elements.is_empty() {
-            divide(&mut elements, 0, &mut clusters, 0);
+            divide(&mut elements, leaf, 0, (&mut clusters, &mut high), 0);
         }
-        Ok(ClusterTree { elements, clusters, made: ExpansionCache::default() })
+        Ok(ClusterTree { elements, clusters, high, made: ExpansionCache::default() })
     }
 
     /// The elements in the tree's order.
@@ -106,6 +133,11 @@ impl<E: SurfaceElement> ClusterTree<E> {
         &self.clusters
     }
 
+    /// The high moments of all clusters, or none.
+    pub(super) fn high_moments(&self) -> &[HighMoments] {
+        &self.high
+    }
+
     /// The sum over all elements at a position 64 and more of the root's edges away, where four elements
     /// span less than a 36th of the distance, so that their expansion is off by less than 1e-9.
     pub fn far_at(&self, p: [f64; 3]) -> f64 {
@@ -114,21 +146,27 @@ impl<E: SurfaceElement> ClusterTree<E> {
     }
 }
 
-/// Number of clusters over this many elements.
-fn clusters_of<E: SurfaceElement>(elements: usize) -> usize {
+/// Number of clusters over this many elements, of which an undivided one holds at most `leaf`.
+fn clusters_of(elements: usize, leaf: usize) -> usize {
     match elements {
         0 => 0,
-        n if n <= E::LEAF_ELEMENTS => 1,
-        n => 1 + clusters_of::<E>(n / 2) + clusters_of::<E>(n - n / 2),
+        n if n <= leaf => 1,
+        n => 1 + clusters_of(n / 2, leaf) + clusters_of(n - n / 2, leaf),
     }
 }
 
 /// Fills in the clusters over `elements`, the first of which has the number `first` of all; the first of
-/// `clusters` has the number `number`.
-fn divide<E: SurfaceElement>(elements: &mut [E], first: u32, clusters: &mut [Cluster], number: u32) {
+/// `clusters` has the number `number`. High moments are those of as many clusters, or none.
+fn divide<E: SurfaceElement>(
+    elements: &mut [E],
+    leaf: usize,
+    first: u32,
+    (clusters, high): (&mut [Cluster], &mut [HighMoments]),
+    number: u32,
+) {
     let count = elements.len();
     let half = count / 2;
-    let second = if count > E::LEAF_ELEMENTS { number + 1 + clusters_of::<E>(half) as u32 } else { 0 };
+    let second = if count > leaf { number + 1 + clusters_of(half, leaf) as u32 } else { 0 };
     if second != 0 {
         let axis = longest_axis(elements);
         let key = |e: &E| e.position();
@@ -139,15 +177,21 @@ fn divide<E: SurfaceElement>(elements: &mut [E], first: u32, clusters: &mut [Clu
         });
     }
     let (own, below) = clusters.split_first_mut().expect("one for each part");
-    *own = summarise(elements);
+    let is_fine = !high.is_empty();
+    *own = summarise(elements, is_fine);
     (own.first, own.count, own.second) = (first, count as u32, second);
+    let (own_high, high) = high.split_at_mut(usize::from(is_fine));
     if second == 0 {
+        own_high.iter_mut().for_each(|high| *high = HighMoments::of(elements, own.center));
         return;
     }
-    let (left, right) = below.split_at_mut((second - number - 1) as usize);
+    let in_left = (second - number - 1) as usize;
+    let (left_clusters, right_clusters) = below.split_at_mut(in_left);
+    let (left_high, right_high) = high.split_at_mut(if is_fine { in_left } else { 0 });
     let (lower, upper) = elements.split_at_mut(half);
-    let mut left = || divide(lower, first, left, number + 1);
-    let mut right = || divide(upper, first + half as u32, right, second);
+    let mut left = || divide(lower, leaf, first, (&mut *left_clusters, &mut *left_high), number + 1);
+    let mut right =
+        || divide(upper, leaf, first + half as u32, (&mut *right_clusters, &mut *right_high), second);
     // Below that, handing over costs more than it gains.
     if count > 4096 {
         rayon::join(left, right);
@@ -155,10 +199,15 @@ fn divide<E: SurfaceElement>(elements: &mut [E], first: u32, clusters: &mut [Clu
         left();
         right();
     }
+    for sum in own_high {
+        let way = |cluster: &Cluster| std::array::from_fn(|a| cluster.center[a] - own.center[a]);
+        let halves = [(&left_high[0], way(&left_clusters[0])), (&right_high[0], way(&right_clusters[0]))];
+        *sum = HighMoments::of_both(halves);
+    }
 }
 
-/// Centre, reach and expansion of some elements.
-fn summarise<E: SurfaceElement>(elements: &[E]) -> Cluster {
+/// Centre, reach and expansion of some elements, of a cluster with high moments or without.
+fn summarise<E: SurfaceElement>(elements: &[E], is_fine: bool) -> Cluster {
     let mut area = 0.0;
     let mut center = [0.0; 3];
     for e in elements {
@@ -177,14 +226,15 @@ fn summarise<E: SurfaceElement>(elements: &[E]) -> Cluster {
         squared += own.area * own.spread * own.spread;
         e.add_to(center, &mut moments);
     }
-    reach.spread = (squared / area).sqrt();
+    reach.spread =
+        if is_fine { fifth_root(reach.powers[2] / area, reach.farthest) } else { (squared / area).sqrt() };
     Cluster { center, reach, expansion: Expansion::from(&moments), ..Cluster::default() }
 }
 
 /// Centre, reach and expansion of all elements as one cluster.
 #[cfg(test)]
 pub(super) fn summary_of<E: SurfaceElement>(elements: &[E]) -> ([f64; 3], Reach, Expansion) {
-    let Cluster { center, reach, expansion, .. } = summarise(elements);
+    let Cluster { center, reach, expansion, .. } = summarise(elements, true);
     (center, reach, expansion)
 }
 
