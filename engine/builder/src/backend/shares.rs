@@ -14,7 +14,9 @@ use crate::brick::{POINTS, Samples};
 use crate::error::Result;
 use crate::gpu::{DeviceFailure, SumCapacity, SumInput, SumLane, SumTree};
 use crate::lattice::NodeKey;
-use crate::winding::{BlockSample, ClusterParts, OpenField, RoundedShares, SumBlock, SumBlocks};
+use crate::winding::{
+    BlockSample, ClusterParts, OpenEvaluator, OpenField, RoundedShares, SumBlock, SumBlocks,
+};
 use brickfield_shaders as shaders;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, OnceLock};
@@ -143,7 +145,13 @@ impl DeviceShares {
 impl ShareQueue {
     /// Begins to find the sums at the samples of some bricks, which [`ShareQueue::take`] then gives. Where the device does
     /// not answer, there are none.
-    pub fn find(&mut self, device: &DeviceShares, field: &OpenField, keys: &[NodeKey]) {
+    pub fn find(
+        &mut self,
+        device: &DeviceShares,
+        field: &OpenField,
+        scratch: &mut OpenEvaluator,
+        keys: &[NodeKey],
+    ) {
         let Some(tree) = device.tree(field) else { return };
         if self.lane.is_none() {
             let lane = device.lane(tree);
@@ -156,7 +164,7 @@ impl ShareQueue {
             let (some, rest) = left.split_at(self.limit.min(left.len()));
             let mut blocks = self.spare.pop().unwrap_or_default();
             blocks.clear();
-            some.iter().for_each(|key| field.lay_open(*key, &mut blocks));
+            some.iter().for_each(|key| field.lay_open(scratch, *key, &mut blocks));
             let sent = pack(&blocks, &tree.clusters, lane.room(), &mut self.input);
             let batch = Batch { keys: some.to_vec(), blocks, sent };
             if self.input.rows.is_empty() {
@@ -193,7 +201,7 @@ impl ShareQueue {
                 let mut report = device.vulkan.report();
                 report.batches += 1;
                 report.bricks += batch.keys.len() as u64;
-                report.samples += (batch.keys.len() * POINTS) as u64;
+                report.samples += batch.blocks.samples().len() as u64;
                 report.settled += found.iter().map(|shares| shares.exact.len() as u64).sum::<u64>();
                 report.sum_seconds += seconds.unwrap_or(0.0);
                 self.ready.extend(batch.keys.into_iter().zip(found));

@@ -116,7 +116,8 @@ impl OpenSoup {
     pub fn foresee(&self, evaluator: &mut OpenSoupEvaluator, nodes: impl Iterator<Item = NodeKey>) {
         if let Some(device) = &self.device {
             let keys: Vec<NodeKey> = nodes.filter(|key| !self.field.is_quiet(*key)).collect();
-            evaluator.queue.find(device, &self.field, &keys);
+            let OpenSoupEvaluator { cpu, queue } = evaluator;
+            queue.find(device, &self.field, cpu, &keys);
         }
     }
 }

@@ -89,14 +89,22 @@ impl SumBlocks {
         self.bricks
     }
 
-    /// Adds the samples of a brick.
-    pub(super) fn add<E: SurfaceElement>(&mut self, cells: BoundedTree<'_, E>, key: NodeKey) {
+    /// Adds the samples of a brick that are wanted, by their linear indices.
+    pub(super) fn add<E: SurfaceElement>(
+        &mut self,
+        cells: BoundedTree<'_, E>,
+        key: NodeKey,
+        is_wanted: impl Fn(u16) -> bool,
+    ) {
         let SumBlocks { blocks, samples, bricks } = self;
+        let mut wanted = Vec::new();
         for_blocks(key, |spacing, of_block| {
+            wanted.clear();
+            wanted.extend(of_block.iter().filter(|(_, index)| is_wanted(*index)));
             cells.find(
                 spacing + BLOCK_BITS,
                 spacing,
-                of_block,
+                &wanted,
                 &mut |PlannedPoints { plan, low, steps }, found| {
                     let from = samples.len();
                     samples.extend(found.iter().map(|(position, index)| {

@@ -270,9 +270,12 @@ impl OpenField {
         are_near(counts, samples) && list.indices.iter().all(|&i| !self.is_cap(&list.array[i as usize]))
     }
 
-    /// The sums over the caps at all samples of a brick, to be computed elsewhere, added to `blocks`.
-    pub fn lay_open(&self, key: NodeKey, blocks: &mut SumBlocks) {
-        blocks.add(self.cells(), key);
+    /// The sums over the caps at the samples of a brick, to be computed elsewhere, added to `blocks`: all that are in
+    /// no quiet or smooth cell.
+    pub fn lay_open(&self, scratch: &mut OpenEvaluator, key: NodeKey, blocks: &mut SumBlocks) {
+        scratch.shares.find_easy(&self.regions(), key);
+        let rough = &scratch.shares.rough;
+        blocks.add(self.cells(), key, |index| rough[usize::from(index)]);
     }
 
     /// The sums over the caps at some samples of a block, by their numbers among all of `blocks`.

@@ -53,7 +53,7 @@ impl Cluster {
     }
 }
 
-/// Most elements that have high moments, in clusters of one: beyond, clusters would take more than 160 MiB.
+/// Most elements that have high moments, in clusters of one: beyond, clusters would take more than 156 MiB.
 const FINE_ELEMENTS: usize = 1 << 17;
 
 /// What clusters over so many elements take, which have high moments if they are few.
