@@ -24,7 +24,7 @@ pub struct DeviceReport {
     pub kernel_seconds: [f64; 5],
     /// Seconds for sums over the caps of an open soup.
     pub sum_seconds: f64,
-    /// Samples of open soups in the bricks that it evaluated.
+    /// Samples of open soups that it was asked for.
     pub samples: u64,
     /// Those of them that the processor settled.
     pub settled: u64,
