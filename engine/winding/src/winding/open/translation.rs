@@ -156,24 +156,22 @@ impl<S: Simd, V: SimdFloat<S>, N: Fn(f64) -> V::Element, const C: usize, const D
     ) {
         let d = &self.derivatives;
         let mut sums: [V; ROW] = std::array::from_fn(|x| self.sums[z][y][x]);
-        let mut first = 0;
-        // Degree by degree, for moments of a higher one have fewer coefficients.
+        // Degree by degree, for moments of a higher one have fewer coefficients. Those of a degree m begin behind m² − 1.
         macro_rules! add {
             ($($degree:literal)*) => {$(
-                if first < COUNT && $degree <= ROW {
-                    for ([i, j, k], m) in MOMENTS[$degree - 1].iter().zip(&moments[first..]) {
+                if $degree * $degree <= COUNT && $degree <= ROW {
+                    let own = &moments[$degree * $degree - 1..];
+                    for ([i, j, k], m) in MOMENTS[$degree - 1].iter().zip(own) {
                         let m = V::from_slice(simd, m);
                         let terms = &d[k + z][j + y][*i..][..ROW + 1 - $degree];
                         for (sum, &term) in sums.iter_mut().zip(terms) {
                             *sum += m * term;
                         }
                     }
-                    first += MOMENTS[$degree - 1].len();
                 }
             )*};
         }
         add!(1 2 3 4 5 6);
-        let _ = first;
         self.sums[z][y][..ROW].copy_from_slice(&sums);
     }
 }
