@@ -3,13 +3,13 @@
 `brickfield render --splats`.
 
     page.py PAGE.html PICTURE.png [--view AZIMUTH,ELEVATION] [--perspective DEGREES] [--picks POINTS.csv] [--beads PART.gcode]
-            [--save SEEN.png] [--browser PROGRAM]
+            [--draw processor|webgl] [--save SEEN.png] [--browser PROGRAM]
 
 PICTURE.png is of the same part, by default `--view iso`, any size. Fails if the page writes to the console, asks for anything,
 or if fewer than 99 of 100 pixels are within 24 of 255 of the picture's. `--picks` clicks on a grid of pixels and writes the
 places that the page tells, as `brickfield sample` reads them. Fails if a place is not seen where it was clicked. `--beads` reads the
 lines that picks tell in the G-code that the part was built from, and fails if one lays no bead there, or if a pick lacks layer,
-feature or line. PAGE may be an address. The browser is chromium, or a program whose name has firefox in it. Needs Pillow (pip), and
+feature or line. The page draws by the processor, or with `--draw webgl` by what the browser takes for a graphics processor. PAGE may be an address. The browser is chromium, or a program whose name has firefox in it. Needs Pillow (pip), and
 chromium or firefox-esr (Debian)."""
 
 import argparse
@@ -38,13 +38,14 @@ def main():
     parser.add_argument("--perspective", type=float, default=0)
     parser.add_argument("--picks")
     parser.add_argument("--beads")
+    parser.add_argument("--draw", default="processor", choices=["processor", "webgl"])
     parser.add_argument("--save")
     parser.add_argument("--browser", default="chromium")
     args = parser.parse_args()
     from PIL import Image
 
     expected = Image.open(args.picture).convert("RGB")
-    with tempfile.TemporaryDirectory() as profile:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         kind = Firefox if "firefox" in os.path.basename(args.browser) else Browser
         browser = kind(args.browser, profile)
         try:
@@ -56,7 +57,7 @@ def main():
 def check(browser, args, expected, Image):
     width, height = expected.size
     place = args.page if "://" in args.page else "file://" + os.path.abspath(args.page)
-    address = f"{place}#{args.view},{args.perspective}"
+    address = f"{place}?draw={args.draw}#{args.view},{args.perspective}"
     began = time.monotonic()
     browser.page(address)
     state = browser.settled()
@@ -65,7 +66,7 @@ def check(browser, args, expected, Image):
     seconds = time.monotonic() - began
     browser.sized(width, height)
     look = f"brickfield.resize({width}, {height}); brickfield.fit();"
-    look += "{ const t = performance.now(); const p = brickfield.picture(); JSON.stringify([p, performance.now() - t]) }"
+    look = f"(async () => {{ {look} const t = performance.now(); const p = await brickfield.picture(); return JSON.stringify([p, performance.now() - t]) }})()"
     picture, milliseconds = json.loads(browser.value(look))
     seen = Image.open(io.BytesIO(base64.b64decode(picture.split(",")[1]))).convert("RGB")
     if args.save:
@@ -79,10 +80,11 @@ def check(browser, args, expected, Image):
     beads = traced(found, args.beads) if args.beads else {}
     console, asked = browser.said()
     # Of a folder its own files, of which that of beads is asked for by the first pick.
-    own = [place] + ([place.rsplit("/", 1)[0] + "/" + name for name in ("part.bsp", "part.picks")] if "://" in args.page else [])
+    own = [place, place + "?draw=" + args.draw] + ([place.rsplit("/", 1)[0] + "/" + name for name in ("part.bsp", "part.picks")] if "://" in args.page else [])
     late = [url for url in before if url.endswith(".picks")]
     asked = [url for url in asked if url not in own] + late
     report = {
+        "drawer": state["drawer"],
         "splats": state["count"], "decoding_s": round(state["milliseconds"] / 1000, 2), "done_s": round(seconds, 2),
         "frame_s": round(milliseconds / 1000, 2), "pixels_drawn": drawn, "within_24": round(near, 5),
         "within_2": round(sum(1 for o in off if o <= 2) / len(off), 5), "console": len(console), "requests": len(asked), **picks, **beads,

@@ -3,11 +3,15 @@
 headless Chromium.
 
     stream.py FOLDER [--rate 10] [--delay 0.03] [--views 12] [--size 800x600] [--no-ranges] [--chromium PROGRAM]
+    stream.py FOLDER --finished BRICKFIELD [--views 4]
     stream.py FOLDER --faults
+    stream.py FOLDER --zoom BRICKFIELD
 
 For each view a browser without a cache asks for the page. The page tells when a picture of each level could be read, counted
 from its request, and when its splats were decoded. When all is there, each level is drawn again and compared with the last: the ratio of signal to noise of the
-luminance (PSNR). `--faults` stops and goes on, cuts the line, damages bytes, exchanges the file, and serves without ranges, the
+luminance (PSNR). With `--finished` pictures are kept as they are seen, also while what is in view is refined, and compared with the one that the
+program draws of the whole file. `--zoom` looks close at one place, and fails unless the page gets there what the program draws,
+by a part of the file, and forgets what is out of view. `--faults` stops and goes on, cuts the line, damages bytes, exchanges the file, and serves without ranges, the
 table of beads as well; it fails unless the page does what it should. Needs Pillow and NumPy (pip) and chromium (Debian)."""
 
 import argparse
@@ -16,6 +20,7 @@ import io
 import json
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
 import threading
@@ -55,7 +60,7 @@ def decibels(picture, whole):
 
 def look(args, address, view):
     """One cold visit: what was seen when."""
-    with tempfile.TemporaryDirectory() as profile:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         browser = Browser(args.chromium, profile)
         try:
             width, height = map(int, args.size.split("x"))
@@ -71,6 +76,73 @@ def look(args, address, view):
             return [(seen, decibels(pixels, pictures[-1])) for seen, pixels in zip(log, pictures)]
         finally:
             browser.close()
+
+
+def drawn(args, program, view, options=()):
+    """The picture of the whole file that the program draws, as luminance."""
+    import numpy
+    from PIL import Image
+
+    with tempfile.TemporaryDirectory() as folder:
+        out = os.path.join(folder, "view.png")
+        part = os.path.join(args.folder, "part.bsp")
+        subprocess.run([program, "render", part, "--splats", f"--view={view[0]},{view[1]}", "--size", args.size, "--supersample", "1", "--quiet", *options, "-o", out], check=True)
+        return numpy.asarray(Image.open(out).convert("RGB")).astype(float) @ numpy.array([0.299, 0.587, 0.114])
+
+
+def luminance(address):
+    import numpy
+    from PIL import Image
+
+    pixels = numpy.asarray(Image.open(io.BytesIO(base64.b64decode(address.split(",")[1]))).convert("RGB")).astype(float)
+    return pixels @ numpy.array([0.299, 0.587, 0.114])
+
+
+def finished(args):
+    """What is seen when, of the picture that the program draws of all."""
+    server = serve.started(args.folder, 0, args.delay, args.rate, not args.no_ranges)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    address = f"http://127.0.0.1:{server.server_address[1]}/"
+    for view in views(args.views):
+        whole = drawn(args, args.finished, view)
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+            browser = Browser(args.chromium, profile)
+            try:
+                width, height = map(int, args.size.split("x"))
+                browser.visit(f"{address}?keep&draw=processor#{view[0]},{view[1]}", width, height)
+                state = browser.settled("state.refined")
+            finally:
+                browser.close()
+        seen = [[round(s["seen"]), s["received"], s["count"], round(decibels(luminance(s["picture"]), whole), 1)] for s in state["log"]]
+        print(json.dumps({"view": view, "seen": seen}), flush=True)
+
+
+def zoom(args):
+    """Looks close at one place, then at another."""
+    server = serve.started(args.folder, 0, 0.0, 0.0, not args.no_ranges)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    size = os.path.getsize(os.path.join(args.folder, "part.bsp"))
+    for drawer in ["processor", "webgl"]:
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+            browser = Browser(args.chromium, profile)
+            try:
+                width, height = map(int, args.size.split("x"))
+                browser.visit(f"http://127.0.0.1:{server.server_address[1]}/?draw={drawer}#-45,35", width, height)
+                state = browser.settled("state.refined")
+                require(f"{drawer}: the part from afar", state["drawer"] == drawer and state["received"] < size, state)
+                for n, (x, y) in enumerate([(0.5, 0.5), (0.4, 0.55), (0.6, 0.45)]):
+                    browser.value(f"brickfield.fit(); brickfield.pick({x * width}, {y * height})")
+                    browser.settled("state.picked && state.picked.place")
+                    browser.value("{ const { view, state } = brickfield; view.centre = state.picked.place; view.height /= 12; state.picked = null; brickfield.draw() }")
+                    time.sleep(1)
+                    state = browser.settled("state.refined")
+                    centre = json.loads(browser.value("JSON.stringify(brickfield.at(brickfield.view.centre))"))
+                    options = ["--focus=" + ",".join(map(repr, [*centre, browser.value("brickfield.view.height")]))]
+                    db = decibels(luminance(browser.value("brickfield.picture()")), drawn(args, args.zoom, (-45, 35), options))
+                    require(f"{drawer}: close at place {n + 1}: {state['count']} splats, {state['received']} bytes, {db:.1f} dB", db > 30 and state["count"] < 8e6, state)
+                require(f"{drawer}: the console is empty", browser.said()[0] == [], browser.said())
+            finally:
+                browser.close()
 
 
 def measure(args):
@@ -246,10 +318,16 @@ def main():
     parser.add_argument("--views", type=int, default=12)
     parser.add_argument("--size", default="800x600")
     parser.add_argument("--no-ranges", action="store_true")
+    parser.add_argument("--finished", metavar="BRICKFIELD")
+    parser.add_argument("--zoom", metavar="BRICKFIELD")
     parser.add_argument("--faults", action="store_true")
     parser.add_argument("--chromium", default="chromium")
     args = parser.parse_args()
-    if args.faults:
+    if args.finished:
+        finished(args)
+    elif args.zoom:
+        zoom(args)
+    elif args.faults:
         faults(args)
     else:
         measure(args)

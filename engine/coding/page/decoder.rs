@@ -1,28 +1,50 @@
 //! The decoder of a page in a browser, as WebAssembly. `build.sh` compiles it; `engine/splats/page` has the result.
 //!
-//! The page writes a file's bytes to where [`input`] says, and reads splats from where [`output`] does.
+//! The page writes a file's bytes to where [`input`] says, and reads splats from where [`output`] does, or a picture of them from
+//! where [`pixels`] does.
 
-use brickfield_coding::bsp::{
-    Cell, Clip, Entry, Header, NodeCells, Splat, SplatTree, ENTRY_BYTES, HEADER_BYTES, PAIRS,
+use brickfield_coding::bsp::{Header, SplatTree, ENTRY_BYTES, HEADER_BYTES};
+use brickfield_coding::draw::{
+    packed_splats, seen_nodes, units_to_refine, Canvas, DrawStyle, DrawView, PackedSplat,
 };
 use std::cell::RefCell;
 
 thread_local! {
-    static STATE: RefCell<State> = RefCell::new(State { input: Vec::new(), output: Vec::new(), tree: None, loaded: Vec::new() });
+    static STATE: RefCell<State> = RefCell::new(State::default());
 }
 
+/// Most pixels of a picture.
+const PIXELS_MAX: usize = 1 << 26;
+/// What is cut from here on is not cut.
+const UNCUT: f64 = 1e30;
+
+#[derive(Default)]
 struct State {
     input: Vec<u8>,
-    output: Vec<u32>,
+    output: Vec<PackedSplat>,
+    canvas: Canvas,
     tree: Option<SplatTree>,
-    /// Whether each unit was taken in.
-    loaded: Vec<bool>,
+    /// Of each unit.
+    units: Vec<Unit>,
+    /// Splats of all units that were taken in.
+    splats: u64,
+    /// Surveys so far, and the units that the last one found.
+    surveys: u32,
+    found: Vec<u32>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Unit {
+    /// Whether it was taken in.
+    is_loaded: bool,
+    /// The last survey that saw what it gave.
+    seen: u32,
 }
 
 impl State {
     /// Has room for what the units known by now are.
     fn know(&mut self) {
-        self.loaded.resize(self.tree.as_ref().map_or(0, |tree| tree.entries().len()), false);
+        self.units.resize(self.tree.as_ref().map_or(0, |tree| tree.entries().len()), Unit::default());
     }
 }
 
@@ -72,13 +94,17 @@ pub extern "C" fn unit(number: usize) -> u32 {
     STATE.with(|state| {
         let state = &mut *state.borrow_mut();
         let tree = match &mut state.tree {
-            Some(tree) if number < state.loaded.len() => tree,
+            Some(tree) if number < state.units.len() => tree,
             _ => return 0,
         };
         match tree.decode(number, &state.input) {
             Ok(cells) => {
                 tree.take(number, &cells);
-                state.loaded[number] = true;
+                let unit = &mut state.units[number];
+                if !unit.is_loaded {
+                    state.splats += u64::from(tree.entries()[number].splats);
+                }
+                *unit = Unit { is_loaded: true, seen: state.surveys };
                 1
             }
             Err(_) => 0,
@@ -86,14 +112,12 @@ pub extern "C" fn unit(number: usize) -> u32 {
     })
 }
 
-/// Puts the splats of the finest picture so far, or of a level, into the output: how many they are, of five numbers each.
-///
-/// These are: x and y of the cell; z, level and which cuts are of edges that go in; normal and offset; those of up to two
-/// splats that cut it, or 0.
+/// Puts the splats of the finest picture so far, or of a level, into the output: how many they are, of five words each, as
+/// [`PackedSplat`] has them.
 #[no_mangle]
 pub extern "C" fn splats(level: u32) -> usize {
     STATE.with(|state| {
-        let State { tree, output, loaded, .. } = &mut *state.borrow_mut();
+        let State { tree, output, units, .. } = &mut *state.borrow_mut();
         output.clear();
         let tree = match tree {
             Some(tree) => tree,
@@ -103,20 +127,10 @@ pub extern "C" fn splats(level: u32) -> usize {
             if of_level < u32::from(tree.header().head) {
                 return true;
             }
-            let found = tree.entries().binary_search_by_key(&key, |entry: &Entry| entry.key);
-            found.map_or(false, |unit| loaded[unit])
+            tree.unit_of(key).map_or(false, |unit| units[unit].is_loaded)
         };
-        for (&key, piece) in tree.pieces() {
-            let of_level = (63 - key.leading_zeros()) / 3;
-            if of_level > level {
-                break;
-            }
-            let is_last = of_level == level || !has_below(key, of_level);
-            for cell in piece.cells.iter().filter(|cell| is_last || !cell.divided) {
-                put(output, key, of_level, piece, cell);
-            }
-        }
-        output.len() / 5
+        packed_splats(tree, level, has_below, output);
+        output.len()
     })
 }
 
@@ -126,40 +140,131 @@ pub extern "C" fn output() -> usize {
     STATE.with(|state| state.borrow().output.as_ptr() as usize)
 }
 
-fn put(output: &mut Vec<u32>, key: u64, level: u32, piece: &NodeCells<Splat>, cell: &Cell) {
-    let mut at = cell.at.map(u32::from);
-    for bit in 0..level {
-        for (axis, place) in at.iter_mut().enumerate() {
-            *place += ((key >> (3 * bit) >> axis & 1) as u32) << (5 + bit);
-        }
-    }
-    let splats = piece.of(cell);
-    for n in 0..splats.len() {
-        let (mut cuts, mut count, mut inward) = ([0; 2], 0, 0);
-        for (pair, ends) in PAIRS.iter().enumerate().filter(|(_, ends)| ends[1] < splats.len()) {
-            let other = match ends {
-                [a, b] if *a == n => *b,
-                [a, b] if *b == n => *a,
-                _ => continue,
-            };
-            let clip = cell.clip(pair);
-            if clip != Clip::None && count < 2 {
-                cuts[count] = packed(&splats[other]);
-                inward |= u32::from(clip == Clip::Concave) << count;
-                count += 1;
+/// Numbers of a view in the input, as [`view_of`] reads them.
+const VIEW_NUMBERS: usize = 25;
+
+/// Draws the first splats of the output from the view in the input, of 25 numbers of eight bytes: 1 if the view is one.
+#[no_mangle]
+pub extern "C" fn draw(count: usize) -> u32 {
+    STATE.with(|state| {
+        let State { input, output, canvas, .. } = &mut *state.borrow_mut();
+        match view_of(&numbers(input)) {
+            Some(view) => {
+                canvas.draw(&output[..count.min(output.len())], &view);
+                1
             }
+            None => 0,
         }
-        output.extend_from_slice(&[
-            at[0] & 0xffff | at[1] << 16,
-            at[2] & 0xffff | level << 16 | inward << 24,
-            packed(&splats[n]),
-            cuts[0],
-            cuts[1],
-        ]);
-    }
+    })
 }
 
-fn packed(splat: &Splat) -> u32 {
-    let [x, y, z] = splat.normal.map(|c| u32::from(c as u8));
-    x | y << 8 | z << 16 | u32::from(splat.offset as u8) << 24
+/// Where the pixels are: red, green, blue, 255; rows from the top.
+#[no_mangle]
+pub extern "C" fn pixels() -> usize {
+    STATE.with(|state| state.borrow().canvas.pixels().as_ptr() as usize)
+}
+
+/// Draws the first splats of the output from the view in the input, as [`draw`] does, and finds the units that refine what is seen
+/// in it and larger than `limit` pixels: how many they are.
+#[no_mangle]
+pub extern "C" fn survey(count: usize, limit: f64) -> usize {
+    if draw(count) == 0 {
+        return 0;
+    }
+    STATE.with(|state| {
+        let State { input, output, canvas, tree, units, surveys, found, .. } = &mut *state.borrow_mut();
+        found.clear();
+        if let (Some(tree), Some(view)) = (tree, view_of(&numbers(input))) {
+            *surveys += 1;
+            let seen = seen_nodes(&output[..count.min(output.len())], canvas.seen());
+            for (key, _) in &seen {
+                // What a node shows it has from the units of all nodes above it.
+                let mut above = key >> 3;
+                while above > 0 {
+                    if let Some(unit) = tree.unit_of(above) {
+                        units[unit].seen = *surveys;
+                    }
+                    above >>= 3;
+                }
+            }
+            *found = units_to_refine(tree, &seen, |unit| units[unit].is_loaded, &view, limit);
+        }
+        found.len()
+    })
+}
+
+/// Where the numbers of the units are that the last survey found, of four bytes each, the most urgent first.
+#[no_mangle]
+pub extern "C" fn found() -> usize {
+    STATE.with(|state| state.borrow().found.as_ptr() as usize)
+}
+
+/// Makes room for a unit where all splats of units together may be so many, by forgetting what was not seen for longest of units that
+/// refine nodes of a level or deeper: 1 if there is room.
+#[no_mangle]
+pub extern "C" fn room(number: usize, most: f64, level: u32) -> u32 {
+    STATE.with(|state| {
+        let State { tree, units, splats, surveys, .. } = &mut *state.borrow_mut();
+        let tree = match tree {
+            Some(tree) if number < units.len() => tree,
+            _ => return 0,
+        };
+        let needed = u64::from(tree.entries()[number].splats);
+        while (*splats + needed) as f64 > most {
+            let is_last = |unit: usize| {
+                let key = tree.entries()[unit].key;
+                let is_loaded = |unit: usize| units[unit].is_loaded;
+                (0..8).all(|octant| !tree.unit_of(key * 8 + octant).map_or(false, is_loaded))
+            };
+            let deep = |unit: &usize| 63 - tree.entries()[*unit].key.leading_zeros() >= 3 * level;
+            let may_go = |unit: &usize| units[*unit].is_loaded && units[*unit].seen < *surveys && deep(unit);
+            let oldest = (0..units.len()).filter(may_go).filter(|unit| is_last(*unit));
+            match oldest.min_by_key(|unit| units[*unit].seen) {
+                Some(unit) => {
+                    tree.forget(unit);
+                    units[unit].is_loaded = false;
+                    *splats -= u64::from(tree.entries()[unit].splats);
+                }
+                None => return 0,
+            }
+        }
+        1
+    })
+}
+
+fn numbers(input: &[u8]) -> Vec<f64> {
+    let each = input.chunks_exact(8).map(|bytes| {
+        let mut eight = [0; 8];
+        eight.copy_from_slice(bytes);
+        f64::from_le_bytes(eight)
+    });
+    each.collect()
+}
+
+/// Columns, rows; origin, edge; right, up, towards; centre, pixel, distance; style, deepest level, whether it is cut; where.
+fn view_of(numbers: &[f64]) -> Option<DrawView> {
+    if numbers.len() != VIEW_NUMBERS {
+        return None;
+    }
+    let three = |at: usize| [numbers[at], numbers[at + 1], numbers[at + 2]];
+    let size = [numbers[0] as usize, numbers[1] as usize];
+    if size[0] < 1 || size[1] < 1 || size[0].checked_mul(size[1])? > PIXELS_MAX {
+        return None;
+    }
+    Some(DrawView {
+        size,
+        origin: three(2),
+        edge: numbers[5],
+        axes: [three(6), three(9), three(12)],
+        centre: three(15),
+        pixel: numbers[18],
+        distance: numbers[19],
+        style: match numbers[20] as u32 {
+            1 => DrawStyle::Normals,
+            2 => DrawStyle::Levels,
+            _ => DrawStyle::Light,
+        },
+        deepest: numbers[21] as u32,
+        highest: if numbers[22..].iter().all(|c| *c >= UNCUT) { None } else { Some(three(22)) },
+    })
 }

@@ -1,12 +1,11 @@
 const by = (id) => document.getElementById(id);
-const canvas = document.querySelector("canvas"), said = document.querySelector("output");
+const stage = by("stage"), said = document.querySelector("output");
 const decoded = (id) => Uint8Array.from(atob(by(id).textContent.trim()), (c) => c.charCodeAt(0));
 const say = (text) => { said.textContent = text };
-// The worker begins before all else: it has the longest way.
+// The worker was made further up, and reads by now what does not come with the page.
 const data = by("data").textContent.trim(), is_file = !data && location.protocol === "file:";
-const worker = new Worker(URL.createObjectURL(new Blob([by("worker").textContent], { type: "text/javascript" })));
 worker.onmessage = take;
-if (!is_file) worker.postMessage({ decoder: decoded("decoder"), ...(data ? { bytes: decoded("data") } : { address: new URL("part.bsp", location.href).href }) });
+if (!is_file) worker.postMessage({ decoder: decoded("decoder"), ...(data ? { bytes: decoded("data") } : {}) });
 
 // What the file says of itself, once its header is there.
 let part = null;
@@ -16,78 +15,18 @@ function begin({ header, wanted }) {
   const unit = [...header.subarray(96, 104)].filter((c) => c).map((c) => String.fromCharCode(c)).join("");
   part = { edge: f64(40), low, high, middle, origin, unit, deepest: head.getUint8(104) };
   Object.assign(by("level"), { max: part.deepest, value: wanted });
-  window_size();
+  // At once: the browser's first frame may be long in coming.
+  window_size(drawer ? tell_look : draw);
 }
 
 // The state of the view: angles in degrees, what is in the middle, how much of the world the height shows there, the angle that
 // it has, 0 for parallel rays.
 const view = { azimuth: -45, elevation: 35.264389682754654, opening: 0, centre: [0, 0, 0], height: 0 };
-const state = { count: 0, level: 0, style: 0, axis: -1, at: 0.5, done: false, stopped: false, drawn: 0, milliseconds: 0, received: 0, error: null, picked: null, log: [] };
+const state = { count: 0, level: 0, style: 0, axis: -1, at: 0.5, done: false, stopped: false, drawn: 0, milliseconds: 0, received: 0, error: null, picked: null, drawer: "processor", log: [] };
+// Columns and rows of the picture.
+let size = [1, 1];
 const asked_view = location.hash.slice(1).split(",").map(Number);
 if (location.hash && asked_view.every(Number.isFinite)) [view.azimuth, view.elevation = 0, view.opening = 0] = asked_view;
-
-const gl = canvas.getContext("webgl2", { antialias: false, alpha: false });
-if (!gl || !(gl.getExtension("EXT_color_buffer_float") || gl.getExtension("EXT_color_buffer_half_float"))) {
-  say("this browser has no WebGL 2 with float colours");
-  state.error = "no WebGL 2";
-}
-
-function program(vertexText, fragmentText) {
-  const made = gl.createProgram();
-  for (const [kind, text] of [[gl.VERTEX_SHADER, vertexText], [gl.FRAGMENT_SHADER, fragmentText]]) {
-    const shader = gl.createShader(kind);
-    gl.shaderSource(shader, text);
-    gl.compileShader(shader);
-    gl.attachShader(made, shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw Error(gl.getShaderInfoLog(shader));
-  }
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw Error(gl.getProgramInfoLog(made));
-  const at = {};
-  for (let n = 0; n < gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS); n++) {
-    const { name } = gl.getActiveUniform(made, n);
-    at[name] = gl.getUniformLocation(made, name);
-  }
-  return { made, at };
-}
-
-let passes, splats, squares, screen, frame, sums, depth;
-function texture(at, format, width, rows, shape, kind, numbers) {
-  const made = gl.createTexture();
-  gl.activeTexture(gl.TEXTURE0 + at);
-  gl.bindTexture(gl.TEXTURE_2D, made);
-  gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, rows);
-  if (numbers) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, rows, shape, kind, numbers);
-  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-  return made;
-}
-function prepare() {
-  passes = { depth: program(vertex, depthPass), blend: program(vertex, blendPass), light: program(screenVertex, lightPass) };
-  const corners = gl.createBuffer();
-  gl.bindBuffer(gl.ARRAY_BUFFER, corners);
-  gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]), gl.STATIC_DRAW);
-  squares = gl.createVertexArray();
-  screen = gl.createVertexArray();
-  gl.bindVertexArray(screen);
-  gl.enableVertexAttribArray(0);
-  gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-  frame = gl.createFramebuffer();
-}
-
-// As large as the window; the pictures between are made anew.
-function resize(width, height) {
-  canvas.width = width;
-  canvas.height = height;
-  gl.deleteTexture(sums);
-  gl.deleteRenderbuffer(depth);
-  sums = texture(0, gl.RGBA16F, width, height);
-  depth = gl.createRenderbuffer();
-  gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
-  gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
-  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, sums, 0);
-  gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
-}
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -99,16 +38,16 @@ function axes() {
 }
 // The whole part, with 3 % of the picture free on each side.
 function fit() {
-  const frame = axes(), sides = [canvas.width * 0.47, canvas.height * 0.47];
+  const frame = axes(), sides = [size[0] * 0.47, size[1] * 0.47];
   const ends = [...Array(8).keys()].map((n) => [0, 1, 2].map((a) => (part.high[a] - part.low[a]) * ((n >> a & 1) - 0.5)))
     .map((end) => [dot(frame.right, end), dot(frame.up, end), dot(frame.towards, end)]);
   const most = (of) => Math.max(...ends.map(of));
   view.centre = [0, 0, 0];
   if (view.opening) {
-    const step = slope() * 2 / canvas.height;
+    const step = slope() * 2 / size[1];
     const needed = (a) => most((end) => end[2] + Math.abs(end[a]) / (step * sides[a]));
     view.height = 2 * slope() * Math.max(needed(0), needed(1), most((end) => end[2]) * 1.01);
-  } else view.height = canvas.height * Math.max(...[0, 1].map((a) => most((end) => Math.abs(end[a])) / sides[a]));
+  } else view.height = size[1] * Math.max(...[0, 1].map((a) => most((end) => Math.abs(end[a])) / sides[a]));
 }
 const slope = () => Math.tan(view.opening * Math.PI / 360);
 // Where the eye is, and how far from the middle; far away for parallel rays.
@@ -118,71 +57,105 @@ function eye() {
 }
 const cut_at = () => [0, 1, 2].map((a) => a === state.axis ? part.low[a] + (part.high[a] - part.low[a]) * state.at - part.middle[a] : 1e30);
 
+// Who draws: the worker, by the processor, as long as there is no `drawer`. What it was asked for last, whether its picture is awaited,
+// and whether another is wanted by then; while the view moves it may take coarser splats.
+let drawer = null, asked_look = 0, awaited = false, again = false, moving = false, resting, waiting = [];
+function look() {
+  if (awaited) { again = true; return }
+  awaited = true;
+  tell_look();
+}
+// Tells the worker what the page looks at.
+function tell_look() {
+  const { right, up, towards } = axes(), distance = view.opening ? eye().distance : 0;
+  const numbers = [...size, ...part.origin, part.edge, ...right, ...up, ...towards, ...view.centre, view.height / size[1], distance, state.style, part.deepest, ...cut_at()];
+  if (state.level < part.deepest) state.refined = false;
+  worker.postMessage({ look: Float64Array.from(numbers), moving, turn: ++asked_look });
+}
+// A picture of the worker's.
+function paint({ pixels, width, height, turn: of_turn }) {
+  if (of_turn === asked_look) awaited = false;
+  if (!drawer) {
+    const surface = by("picture");
+    if (surface.width !== width || surface.height !== height) Object.assign(surface, { width, height });
+    surface.getContext("2d").putImageData(new ImageData(new Uint8ClampedArray(pixels), width, height), 0, 0);
+    drawn();
+    // To look for a graphics processor takes half a second where there is none: not while the first pictures come.
+    if (!looked_for && (state.done || state.drawn === 1)) {
+      looked_for = state.done;
+      setTimeout(() => use_graphics(false), state.done ? 0 : 3000);
+    }
+  }
+  waiting.filter(([asked]) => asked <= of_turn).forEach(([, done]) => done(shown_picture()));
+  waiting = waiting.filter(([asked]) => asked > of_turn);
+  if (again && !awaited) { again = false; draw() }
+}
+// `?draw=processor` and `?draw=webgl` force a drawer, `?keep` keeps each picture.
+const asked_of = new URLSearchParams(location.search), asked_drawer = asked_of.get("draw");
+let looked_for = asked_drawer === "processor";
+function use_graphics(forced) {
+  if (drawer) return;
+  let made = null;
+  looked_for = true;
+  // A driver may refuse the programs.
+  try { made = graphics(by("graphics"), forced) } catch (error) { if (forced) throw error }
+  if (!made) return forced;
+  drawer = made;
+  state.drawer = made.name;
+  state.done = false;
+  made.surface.addEventListener("webglcontextlost", () => {
+    drawer = null;
+    state.drawer = "processor";
+    made.surface.hidden = true;
+    worker.postMessage({ arrays: false });
+    window_size();
+  });
+  worker.postMessage({ arrays: true });
+  if (part) window_size();
+}
+
 let asked = false;
 const redraw = () => { if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; draw() }) } };
+// The same while hands move the view.
+function stir() {
+  moving = true;
+  clearTimeout(resting);
+  resting = setTimeout(() => { moving = false; redraw() }, 250);
+  redraw();
+}
 function draw() {
-  if (state.error || !state.count) return;
-  const { right, up, towards } = axes(), { at: from, distance } = eye(), lowest = [-1e30, -1e30, -1e30], highest = cut_at();
-  // What may be seen lies so far before the eye.
-  const around = Math.hypot(...part.high.map((c, a) => c - part.low[a])) * 0.6, of_part = dot(from, towards);
-  const far = Math.max(of_part + around, part.edge * 1e-6), range = [Math.max(of_part - around, far * 1e-3), far];
-  gl.viewport(0, 0, canvas.width, canvas.height);
-  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-  gl.clearColor(0, 0, 0, 0);
-  gl.clearDepth(1);
-  gl.depthMask(true);
-  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-  gl.enable(gl.DEPTH_TEST);
-  gl.depthFunc(gl.LEQUAL);
-  gl.bindVertexArray(squares);
-  const pass = ({ made, at }, back) => {
-    gl.useProgram(made);
-    for (const [name, value] of Object.entries({ origin: part.origin, right, up, towards, centre: view.centre, eye: from, lowest, highest }))
-      gl.uniform3fv(at[name] ?? null, value);
-    gl.uniform1f(at.edge, part.edge);
-    gl.uniform1f(at.distance, distance);
-    gl.uniform1i(at.parallel, view.opening ? 0 : 1);
-    gl.uniform2fv(at.range, range);
-    gl.uniform1f(at.back, back);
-    gl.uniform1i(at.open, state.axis >= 0 ? 1 : 0);
-    gl.uniform1i(at.places, 1);
-    gl.uniform1i(at.others, 2);
-    gl.uniform2f(at.scale, 2 / view.height * canvas.height / canvas.width, 2 / view.height);
-    gl.drawArrays(gl.TRIANGLES, 0, 6 * state.count);
-  };
-  // The nearest splats, moved back by what may lie together; then all that are before that.
-  gl.colorMask(false, false, false, false);
-  gl.disable(gl.BLEND);
-  pass(passes.depth, 0.715);
-  gl.colorMask(true, true, true, true);
-  gl.depthMask(false);
-  gl.enable(gl.BLEND);
-  gl.blendFunc(gl.ONE, gl.ONE);
-  pass(passes.blend, 0);
-  gl.disable(gl.BLEND);
-  gl.disable(gl.DEPTH_TEST);
-  gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-  gl.useProgram(passes.light.made);
-  const lamp = ([x, y, z]) => unitOf([0, 1, 2].map((a) => right[a] * x + up[a] * y + towards[a] * z));
-  gl.uniform3fv(passes.light.at.key, lamp([-0.55, 0.65, 0.55]));
-  gl.uniform3fv(passes.light.at.fill, lamp([0.8, -0.1, 0.5]));
-  for (const [name, value] of Object.entries({ towards, right, up })) gl.uniform3fv(passes.light.at[name], value);
-  gl.uniform2f(passes.light.at.middle, canvas.width / 2, canvas.height / 2);
-  gl.uniform1f(passes.light.at.pixel, view.height / canvas.height);
-  gl.uniform1f(passes.light.at.distance, distance);
-  gl.uniform1i(passes.light.at.parallel, view.opening ? 0 : 1);
-  gl.uniform1i(passes.light.at.style, state.style);
-  gl.uniform1i(passes.light.at.deepest, part.deepest);
-  gl.bindVertexArray(screen);
-  gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+  if (state.error || !part) return;
+  if (!drawer) look();
+  else if (drawer.draw()) {
+    drawer.surface.hidden = false;
+    if (news) drawer.finished();
+    else tell_look();
+    drawn();
+  }
+}
+// A picture is there.
+function drawn() {
   state.drawn++;
   mark();
   if (!news) return;
-  // A picture of new splats is there when its pixels can be read.
-  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-  state.log.push({ ...news, seen: performance.now() });
+  state.log.push({ ...news, seen: performance.now(), ...(asked_of.has("keep") ? { picture: shown_picture() } : {}) });
+  if (news.last) {
+    state.done = true;
+    by("level").value = news.level;
+    flow(news.refined ? "" : "Stop");
+  }
   news = null;
   worker.postMessage({ drawn: true });
+}
+// What was drawn last, as the address of a PNG.
+const shown_picture = () => (drawer ? drawer.surface : by("picture")).toDataURL();
+// The picture of now.
+function picture() {
+  if (drawer) { draw(); return Promise.resolve(shown_picture()) }
+  return new Promise((done) => {
+    waiting.push([asked_look + 1, done]);
+    look();
+  });
 }
 
 let news = null;
@@ -191,7 +164,8 @@ function tell() {
   if (state.error || !part) return;
   const size = part.high.map((c, a) => (c - part.low[a]).toFixed(2)).join(" × ");
   const picked = state.picked ? "\n" + state.picked.text : "";
-  say(state.count.toLocaleString("en") + " splats, level " + state.level + " of " + part.deepest + "; " + size + " " + part.unit + megabytes() + picked);
+  const finer = state.done && state.level < part.deepest ? ", finer in view" : "";
+  say(state.count.toLocaleString("en") + " splats, level " + state.level + " of " + part.deepest + finer + "; " + size + " " + part.unit + megabytes() + picked);
 }
 // What the worker says.
 function take({ data: told }) {
@@ -210,27 +184,20 @@ function take({ data: told }) {
     if (told.lost) say(said.textContent + "\n" + told.lost);
     return flow("Go on");
   }
+  if (told.pixels) return paint(told);
   if (told.count !== undefined) show(told);
   tell();
 }
-function show({ level, whole, count, rows, places, others, last, received, milliseconds, at }) {
-  if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE)) {
+function show({ level, whole, count, last, refined, received, milliseconds, at, ...packed }) {
+  if (drawer && packed.places && !drawer.take({ count, ...packed })) {
     state.done = true;
     worker.postMessage({ stop: true, drawn: true });
     return say("this browser holds no more than level " + state.level);
   }
-  (splats || []).forEach((old) => gl.deleteTexture(old));
-  splats = [texture(1, gl.RGBA32UI, 4096, rows, gl.RGBA_INTEGER, gl.UNSIGNED_INT, places),
-    texture(2, gl.R32UI, 4096, rows, gl.RED_INTEGER, gl.UNSIGNED_INT, others)];
-  gl.activeTexture(gl.TEXTURE0);
-  Object.assign(state, { level, count, milliseconds });
-  news = { level, whole, count, received, decoded: at - performance.timeOrigin };
-  if (last) {
-    state.done = true;
-    by("level").value = level;
-    flow("");
-  }
-  redraw();
+  Object.assign(state, { level, count, milliseconds, refined });
+  news = { level, whole, count, received, decoded: at - performance.timeOrigin, refined, last: last && (!drawer || Boolean(packed.places)) };
+  // The worker draws what is new by itself.
+  if (drawer) redraw();
 }
 // The button that stops what comes from a server.
 function flow(name) {
@@ -246,8 +213,8 @@ by("flow").addEventListener("click", () => {
 
 // Where a click meets the part.
 function pick(x, y) {
-  const { right, up, towards } = axes(), { at, distance } = eye(), step = view.height / canvas.clientHeight;
-  const across = [(x - canvas.clientWidth / 2) * step, (canvas.clientHeight / 2 - y) * step];
+  const { right, up, towards } = axes(), { at, distance } = eye(), step = view.height / stage.clientHeight;
+  const across = [(x - stage.clientWidth / 2) * step, (stage.clientHeight / 2 - y) * step];
   const on_plane = view.centre.map((c, a) => c + right[a] * across[0] + up[a] * across[1]);
   const from = view.opening ? at : on_plane.map((c, a) => c + towards[a] * distance);
   give_beads();
@@ -296,18 +263,20 @@ function mark() {
   ring.hidden = !state.picked;
   if (!state.picked) return;
   const { right, up, towards } = axes(), from = state.picked.place.map((c, a) => c - view.centre[a]), { distance } = eye();
-  const share = view.opening ? distance / (distance - dot(from, towards)) : 1, scale = canvas.clientHeight / view.height * share;
+  const share = view.opening ? distance / (distance - dot(from, towards)) : 1, scale = stage.clientHeight / view.height * share;
   ring.hidden = share <= 0;
-  ring.style.left = canvas.clientWidth / 2 + dot(from, right) * scale + "px";
-  ring.style.top = canvas.clientHeight / 2 - dot(from, up) * scale + "px";
+  ring.style.left = stage.clientWidth / 2 + dot(from, right) * scale + "px";
+  ring.style.top = stage.clientHeight / 2 - dot(from, up) * scale + "px";
 }
 
-function window_size() {
-  const ratio = window.devicePixelRatio || 1;
+function resize(width, height) { size = [width, height] }
+function window_size(then = redraw) {
+  // The processor draws no finer than the window counts.
+  const ratio = drawer && window.devicePixelRatio || 1;
   resize(Math.max(1, Math.round(innerWidth * ratio)), Math.max(1, Math.round(innerHeight * ratio)));
   if (!part) return;
   if (!view.height) fit();
-  redraw();
+  then();
 }
 
 // Hands: drag turns, with shift or another button it moves; two fingers move and change the size.
@@ -317,25 +286,25 @@ function turn(x, y) {
   view.elevation = Math.min(90, Math.max(-90, view.elevation + y * 0.4));
 }
 function move(x, y) {
-  const { right, up } = axes(), step = view.height / canvas.clientHeight;
+  const { right, up } = axes(), step = view.height / stage.clientHeight;
   view.centre = view.centre.map((c, a) => c - right[a] * x * step + up[a] * y * step);
 }
 const zoom = (by) => { view.height = Math.min(part.edge * 8, Math.max(part.edge / 1e5, view.height * by)) };
 // Where a press began that may be a click.
 let press = null;
-canvas.addEventListener("pointerdown", (e) => {
+stage.addEventListener("pointerdown", (e) => {
   if (!part) return;
-  canvas.setPointerCapture(e.pointerId);
+  stage.setPointerCapture(e.pointerId);
   fingers.set(e.pointerId, [e.clientX, e.clientY]);
   press = fingers.size === 1 && e.button === 0 && !e.shiftKey ? [e.clientX, e.clientY] : null;
 });
-canvas.addEventListener("pointerup", (e) => {
+stage.addEventListener("pointerup", (e) => {
   fingers.delete(e.pointerId);
   if (press) pick(e.clientX, e.clientY);
   press = null;
 });
-canvas.addEventListener("pointercancel", (e) => { fingers.delete(e.pointerId); press = null });
-canvas.addEventListener("pointermove", (e) => {
+stage.addEventListener("pointercancel", (e) => { fingers.delete(e.pointerId); press = null });
+stage.addEventListener("pointermove", (e) => {
   const before = fingers.get(e.pointerId);
   if (!before) return;
   // Hands tremble.
@@ -350,11 +319,11 @@ canvas.addEventListener("pointermove", (e) => {
   } else if (e.shiftKey || e.buttons & 6) move(x, y);
   else turn(x, y);
   fingers.set(e.pointerId, [e.clientX, e.clientY]);
-  redraw();
+  stir();
 });
-canvas.addEventListener("contextmenu", (e) => e.preventDefault());
-canvas.addEventListener("wheel", (e) => { e.preventDefault(); if (!part) return; zoom(Math.exp(e.deltaY * 0.0012)); redraw() }, { passive: false });
-canvas.addEventListener("keydown", (e) => {
+stage.addEventListener("contextmenu", (e) => e.preventDefault());
+stage.addEventListener("wheel", (e) => { e.preventDefault(); if (!part) return; zoom(Math.exp(e.deltaY * 0.0012)); stir() }, { passive: false });
+stage.addEventListener("keydown", (e) => {
   if (!part) return;
   const arrow = { ArrowLeft: [-12, 0], ArrowRight: [12, 0], ArrowUp: [0, -12], ArrowDown: [0, 12] }[e.key];
   if (arrow) (e.shiftKey ? move : turn)(...arrow);
@@ -362,17 +331,17 @@ canvas.addEventListener("keydown", (e) => {
   else if (e.key === "-") zoom(1 / 0.9);
   else if (e.key === "Home") fit();
   else if (e.key === "p") by("perspective").click();
-  else if (e.key === "Enter") pick(canvas.clientWidth / 2, canvas.clientHeight / 2);
+  else if (e.key === "Enter") pick(stage.clientWidth / 2, stage.clientHeight / 2);
   else return;
   e.preventDefault();
-  redraw();
+  stir();
 });
 by("view").addEventListener("change", (e) => { if (!part) return; [view.azimuth, view.elevation] = e.target.value.split(",").map(Number); fit(); redraw() });
 by("perspective").checked = view.opening > 0;
 by("perspective").addEventListener("change", (e) => { view.opening = e.target.checked ? 30 : 0; redraw() });
 by("style").addEventListener("change", (e) => { state.style = Number(e.target.value); redraw() });
 by("axis").addEventListener("change", (e) => { state.axis = Number(e.target.value); redraw() });
-by("at").addEventListener("input", (e) => { state.at = Number(e.target.value); redraw() });
+by("at").addEventListener("input", (e) => { state.at = Number(e.target.value); stir() });
 by("level").addEventListener("change", (e) => {
   const level = Number(e.target.value);
   state.done = false;
@@ -380,13 +349,18 @@ by("level").addEventListener("change", (e) => {
   worker.postMessage({ level });
 });
 // For programs that look at the page.
-window.brickfield = { state, view, resize, fit, draw, pick, picture: () => { draw(); return canvas.toDataURL() } };
-if (is_file) {
-  state.error = "this folder shows itself through a web server only, as of: python3 -m http.server";
+window.brickfield = { state, view, resize, fit, draw, pick, picture, at: (place) => place.map((c, a) => c + part.middle[a]) };
+function started() {
+  if (is_file) return "this folder shows itself through a web server only, as of: python3 -m http.server";
+  if (typeof DecompressionStream === "undefined") return "this browser is too old: it unpacks nothing";
+  return asked_drawer === "webgl" && use_graphics(true) ? "this browser has no WebGL 2 with float colours" : null;
+}
+state.error = started();
+if (state.error) {
   say(state.error);
-} else if (!state.error) {
-  prepare();
-  addEventListener("resize", window_size);
+  worker.terminate();
+} else {
+  addEventListener("resize", () => window_size());
   window_size();
   if (!data) flow("Stop");
-} else worker.terminate();
+}

@@ -1,5 +1,12 @@
-// Decodes level by level, so that each is seen as soon as it is there. The bytes come with the page, or by ranges from a server.
-const HEAD = 512, ENTRY = 24, FIRST = 16384, TRIES = 4, SPLATS = 4e6;
+// Decodes level by level, so that each is seen as soon as it is there, and draws where no graphics processor does. The bytes come with
+// the page, or by ranges from a server.
+// The first request asks for so many bytes beyond what is needed first: they are wanted next.
+const HEAD = 512, ENTRY = 24, FIRST = 16384, AHEAD = 1 << 20, TRIES = 4, SPLATS = 4e6;
+// So many splats are drawn while the view moves, and so many milliseconds may pass until others are heard.
+const MOVING = 5e5, HEARD = 40;
+// What is in view is refined until its cells are a pixel, within so many splats, by so many bytes at a time; seen in pictures whose
+// sides are so many times smaller. A directory of more bytes is not read for that.
+const VIEWED = { processor: 3e6, graphics: 6e6 }, PORTION = 1 << 19, GAP = 1 << 14, SMALLER = 3, DIRECTORY = 1 << 22;
 
 // What a server did not send; it may be asked again.
 class Lost extends Error {}
@@ -12,7 +19,7 @@ class Here {
 
 // A file on a server. One that knows no ranges sends all of it, from the beginning: that answer is read on as long as places go up.
 class There {
-  constructor(address) { Object.assign(this, { address, received: 0, ranges: true, patient: false, tag: null, size: null, answer: null, begin: null }) }
+  constructor(address, ahead) { Object.assign(this, { address, ahead, received: 0, ranges: true, patient: false, tag: null, size: null, answer: null, begin: null }) }
   stop() { this.abort?.abort(); this.answer = null }
   async *read(from, to) {
     if (this.begin && from < this.begin.length) {
@@ -23,8 +30,7 @@ class There {
     for (let tries = 0; from < Math.min(to, this.size ?? to);) {
       try {
         for await (const bytes of this.some(from, to)) { from += bytes.length; tries = 0; yield bytes }
-        if (from < Math.min(to, this.size ?? from)) throw new Lost("the server ended early");
-        return;
+        if (from < Math.min(to, this.size ?? from, this.answer?.end ?? to)) throw new Lost("the server ended early");
       } catch (error) {
         this.answer = null;
         if (!(error instanceof Lost) || ++tries === TRIES) throw error;
@@ -34,8 +40,11 @@ class There {
     }
   }
   async *some(from, to) {
-    if (!this.ranges && this.answer && this.answer.at > from) this.stop();
-    if (this.ranges || !this.answer) this.answer = await this.ask(from, to);
+    // An answer that comes is read on, unless there is much between.
+    const { answer: old } = this;
+    const is_on_way = old && old.at <= from && from < old.end && (!this.ranges || from - old.at < FIRST);
+    if (old && !is_on_way) this.stop();
+    if (!is_on_way) this.answer = await this.ask(from, this.size === null ? Math.max(to, this.ahead) : to);
     const { answer } = this;
     while (from < to) {
       let piece = answer.kept;
@@ -68,7 +77,7 @@ class There {
     if (changed) throw Error("it has changed on the server; load the page again");
     Object.assign(this, { ranges: part, size });
     if (tag && !tag.startsWith("W/")) this.tag = tag;
-    return { at: part ? from : 0, kept: null, reader: got.body.getReader() };
+    return { at: part ? from : 0, end: part ? Math.min(to, size) : size ?? Infinity, kept: null, reader: got.body.getReader() };
   }
 }
 const lost = (error) => error.name === "AbortError" ? error : new Lost("the server does not answer");
@@ -76,6 +85,11 @@ const lost = (error) => error.name === "AbortError" ? error : new Lost("the serv
 let e, compiled, source, base, part_crc = 0, ready = false, running = false, stopped = false, shown = true, given = 0, began = 0;
 // Units that are known and decoded, the deepest level that is whole, the one that is wanted; what was drawn last.
 let directory = [], next = 0, whole = 0, wanted = 0, count = 0, units = 0, ends = [0];
+// What the page looks at and whether it draws itself; the level that was given, that of the splats which are laid out; splats of each
+// level, and the last one of the head.
+let look = null, arrays = false, shown_level = -1, laid = -1, splats_of = [], head_level = 0, deepest = 0;
+// Whether all that is in view is as fine as it gets, and how often the page looked elsewhere.
+let refined = false, looks = 0;
 
 const put = (...parts) => put_into(e, ...parts);
 function put_into(program, ...parts) {
@@ -98,11 +112,43 @@ function joined(pieces) {
   for (const piece of pieces) { out.set(piece, at); at += piece.length }
   return out;
 }
-// Puts the splats of a level into what the page draws.
+// Bytes that were packed with gzip.
+const unpacked = (bytes) => new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+
+// Splats of a level into where pictures and picks take them from.
+function lay(level) {
+  if (laid !== level) count = e.splats(level);
+  laid = level;
+}
+// Tells the page of a level, with its splats if it draws them itself; else draws it.
 function give(level) {
-  count = e.splats(level);
+  laid = -1;
+  lay(shown_level = level);
+  shown = !arrays;
+  given = performance.now();
+  const told = { level: Math.min(level, whole), whole, count, last: whole >= wanted, refined: refined || whole >= deepest, received: source.received, milliseconds: given - began, at: performance.timeOrigin + given };
+  if (arrays) {
+    const packed = textures();
+    return postMessage({ ...told, ...packed }, [packed.places.buffer, packed.others.buffer]);
+  }
+  postMessage(told);
+  paint();
+}
+// A picture of what was given last, as the page looks at it.
+function paint() {
+  if (arrays || !look || shown_level < 0) return;
+  let level = shown_level;
+  if (look.moving) while (level > head_level && splats_of[level] > MOVING) level--;
+  lay(level);
+  const [width, height] = look.look;
+  put(new Uint8Array(look.look.buffer));
+  if (!e.draw(count)) return;
+  const pixels = new Uint8Array(e.memory.buffer, e.pixels(), width * height * 4).slice();
+  postMessage({ pixels: pixels.buffer, width, height, turn: look.turn }, [pixels.buffer]);
+}
+// Splats as textures have them, in rows of 4096.
+function textures() {
   const five = new Uint32Array(e.memory.buffer, e.output(), count * 5);
-  // Rows of 4096, as textures have them.
   const rows = Math.max(1, Math.ceil(count / 4096)), places = new Uint32Array(rows * 16384), others = new Uint32Array(rows * 4096);
   for (let n = 0, from = 0, to = 0; n < count; n++) {
     places[to++] = five[from++];
@@ -111,10 +157,7 @@ function give(level) {
     places[to++] = five[from++];
     others[n] = five[from++];
   }
-  shown = false;
-  given = performance.now();
-  const told = { level, whole, count, rows, places, others, last: whole >= wanted, received: source.received, milliseconds: given - began, at: performance.timeOrigin + given };
-  postMessage(told, [places.buffer, others.buffer]);
+  return { rows, places, others };
 }
 // Entries of the directory, which say where units are.
 function learn(bytes) {
@@ -126,40 +169,39 @@ function learn(bytes) {
   }
 }
 async function open() {
-  const first = await bytesOf(0, FIRST);
+  const first = await bytesOf(0, HEAD);
   if (first.length < HEAD) throw Error("it ends within its header");
   const view = new DataView(first.buffer, first.byteOffset, first.length);
   if (view.getUint32(0) !== 0x89425350) throw Error("it does not begin as a file of splats does");
-  source.begin = first;
   part_crc = view.getUint32(508, true);
   units = view.getUint32(108, true);
   const start = HEAD + ENTRY * units;
   base = start + view.getUint32(112, true);
   if (source.size && base > source.size) throw Error("it ends within its head");
+  whole = head_level = view.getUint8(106);
+  deepest = Math.min(16, view.getUint8(104));
+  for (let level = 0; level <= deepest; level++) splats_of.push(Number(view.getBigUint64(128 + 16 * level, true)));
+  // As deep as a browser likes; more where the reader asks.
+  wanted = deepest;
+  while (!source.patient && wanted > whole && splats_of[wanted] > SPLATS) wanted--;
+  // The page finds its view while the rest comes.
+  await has_decoder;
+  postMessage({ header: first.slice(0, HEAD), wanted });
   // Without ranges all of the directory comes first.
   const entries = source.ranges && !source.patient ? Math.min(units, Math.floor((FIRST - HEAD) / ENTRY)) : units;
-  const begin = await bytesOf(0, HEAD + ENTRY * entries), head = await bytesOf(start, base);
+  const begin = await bytesOf(HEAD, HEAD + ENTRY * entries), head = await bytesOf(start, base);
   e = (await compiled).instance.exports;
-  put(begin, head);
+  put(first, begin, head);
   if (!e.open(entries)) throw Error("its head is damaged");
-  learn(begin.subarray(HEAD));
-  whole = view.getUint8(106);
-  // As deep as a browser likes; more where the reader asks.
-  wanted = view.getUint8(104);
-  while (!source.patient && wanted > whole && Number(view.getBigUint64(128 + 16 * wanted, true)) > SPLATS) wanted--;
+  learn(begin);
   ready = true;
-  postMessage({ header: first.slice(0, HEAD), wanted });
   give(whole);
 }
 // Reads units until the wanted level is there.
 async function load() {
   while (whole < wanted && !stopped) {
     if (next === directory.length && next < units) {
-      const more = Math.min(units, directory.length * 4);
-      const bytes = await bytesOf(HEAD + ENTRY * directory.length, HEAD + ENTRY * more);
-      put(bytes);
-      if (!e.entries()) throw Error("its directory is damaged");
-      learn(bytes);
+      await know(Math.min(units, directory.length * 4));
     }
     let last = next;
     while (last < directory.length && directory[last] < wanted) last++;
@@ -169,6 +211,60 @@ async function load() {
       give(whole);
     }
   }
+}
+// Entries of the directory up to so many.
+async function know(more) {
+  const bytes = await bytesOf(HEAD + ENTRY * directory.length, HEAD + ENTRY * more);
+  put(bytes);
+  if (!e.entries()) throw Error("its directory is damaged");
+  learn(bytes);
+}
+// Reads what refines the picture that the page looks at, the most urgent first.
+async function refine() {
+  const most = HEAD + ENTRY * units > DIRECTORY ? 0 : units;
+  while (wanted < deepest && look && !look.moving && !stopped && !refined) {
+    if (directory.length < most) await know(most);
+    const of = looks, found = survey();
+    let read = 0;
+    for (const run of found) {
+      await unitsOf(run);
+      read++;
+      if (stopped || looks !== of) break;
+    }
+    refined = !found.length && looks === of;
+    if (read || refined) give(deepest);
+    await heard();
+  }
+}
+const heard = () => new Promise((go) => setTimeout(go));
+// What refines the picture and has room: runs of units that lie so near each other in the file that one request costs less than two.
+function survey() {
+  lay(deepest);
+  const numbers = look.look.slice();
+  [0, 1].forEach((a) => { numbers[a] = Math.max(1, Math.ceil(numbers[a] / SMALLER)) });
+  numbers[18] *= SMALLER;
+  put(new Uint8Array(numbers.buffer));
+  const length = e.survey(count, 1 / SMALLER), found = new Uint32Array(e.memory.buffer, e.found(), length).slice(), chosen = [], runs = [];
+  let bytes = 0;
+  for (const unit of found) {
+    if (bytes > PORTION || !e.room(unit, arrays ? VIEWED.graphics : VIEWED.processor, wanted)) break;
+    bytes += ends[unit + 1] - ends[unit];
+    chosen.push(unit);
+  }
+  for (const unit of chosen.sort((a, b) => a - b)) {
+    const last = runs[runs.length - 1];
+    if (last && ends[unit] - ends[last[last.length - 1] + 1] <= GAP) last.push(unit);
+    else runs.push([unit]);
+  }
+  return runs;
+}
+async function unitsOf(run) {
+  const first = ends[run[0]], bytes = await bytesOf(base + first, base + ends[run[run.length - 1] + 1]);
+  for (const unit of run) {
+    put(bytes.subarray(ends[unit] - first, ends[unit + 1] - first));
+    if (!e.unit(unit)) throw Error("unit " + unit + " is damaged");
+  }
+  laid = -1;
 }
 async function decode(last) {
   let rest = new Uint8Array(0), paused = performance.now();
@@ -183,7 +279,7 @@ async function decode(last) {
       at += length;
       next++;
       // Others want to be heard, and to see what is there.
-      if (performance.now() - paused > 100) {
+      if (performance.now() - paused > HEARD) {
         await new Promise((go) => setTimeout(go));
         paused = performance.now();
         if (stopped) return;
@@ -202,9 +298,12 @@ async function run() {
   try {
     if (!ready) await open();
     await load();
+    await refine();
     if (stopped) postMessage({ stopped: true });
   } catch (error) {
     const text = String(error.message || error);
+    // The page hears nothing before it has given the decoder.
+    await has_decoder;
     if (stopped || error.name === "AbortError") postMessage({ stopped: true });
     else postMessage(error instanceof Lost ? { lost: text } : { error: text });
   }
@@ -280,7 +379,7 @@ async function open_picks() {
   const end = PICKS_HEAD + view.getUint32(68, true) + PICKS_BLOCK * view.getUint32(72, true);
   if (view.getUint32(0) !== 0x8942504b || (picks.size && end > picks.size)) throw Error("it is no table of beads");
   const bytes = await bytesOf(0, end, picks);
-  p ||= (await WebAssembly.instantiate(picks_program, {})).instance.exports;
+  p ||= (await WebAssembly.instantiate(await unpacked(picks_program), {})).instance.exports;
   put_into(p, bytes);
   const opened = p.open(part_crc);
   if (opened !== 1) throw Error(opened ? "it belongs to another part" : "it is damaged");
@@ -295,21 +394,40 @@ function bead_at(at, reach) {
   return { bead, layer: layer + 1, lines: [first, last], bottom, top, distance, step, feature: text(80, 80 + feature), source: text(80 + feature, 80 + feature + source) };
 }
 
+let compile, has_decoder = new Promise((done) => { compile = done });
+compiled = has_decoder.then(unpacked).then((bytes) => WebAssembly.instantiate(bytes, {}));
+compiled.catch(() => {});
 onmessage = async ({ data }) => {
-  if (data.decoder) {
+  if (data.address) source = new There(data.address, AHEAD);
+  if (data.bytes) source = new Here(data.bytes);
+  if (data.decoder) compile(data.decoder);
+  if (data.address || data.bytes) {
     began = performance.now();
-    compiled = WebAssembly.instantiate(data.decoder, {});
-    source = data.bytes ? new Here(data.bytes) : new There(data.address);
     return run();
+  }
+  if (data.arrays !== undefined) {
+    arrays = data.arrays;
+    if (ready) give(shown_level);
+    if (ready && !stopped) run();
+  }
+  if (data.look) {
+    const is_other = !look || look.moving !== data.moving || data.look.some((number, n) => number !== look.look[n]);
+    look = data;
+    if (is_other) { looks++; refined = false }
+    paint();
+    if (is_other && !look.moving && ready && whole >= wanted && !stopped) run();
   }
   if (data.drawn) shown = true;
   if (data.stop) { stopped = true; source.stop?.() }
   if (data.go) run();
   if (data.picks) {
     picks_program = data.picks.program;
-    picks = data.picks.bytes ? new Here(data.picks.bytes) : new There(data.picks.address);
+    picks = data.picks.bytes ? new Here(data.picks.bytes) : new There(data.picks.address, FIRST);
   }
-  if (data.pick && ready) pick(data.pick);
+  if (data.pick && ready) {
+    lay(shown_level);
+    pick(data.pick);
+  }
   if (data.level !== undefined && ready) {
     if (data.level <= whole) return give(data.level);
     wanted = data.level;

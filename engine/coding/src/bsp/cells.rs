@@ -72,6 +72,40 @@ impl Cell {
     }
 }
 
+/// Cells before one in the order of a unit: three beside it, then those across edges and the corner.
+pub const BEFORE: [[i8; 3]; 7] =
+    [[-1, 0, 0], [0, -1, 0], [0, 0, -1], [-1, -1, 0], [-1, 0, -1], [0, -1, -1], [-1, -1, -1]];
+
+/// Which of the cells before one there are.
+#[derive(Clone, Copy)]
+pub struct CellsBefore {
+    /// One more than the number of each cell, or 0.
+    numbers: [u32; BEFORE.len()],
+}
+
+impl CellsBefore {
+    /// The cell of a place in [`BEFORE`].
+    #[inline]
+    pub fn get<'a, S>(&self, cells: &'a Cells<S>, n: usize) -> Option<&'a Cell> {
+        match self.numbers[n] {
+            0 => None,
+            number => Some(&cells.piece.cells[number as usize - 1]),
+        }
+    }
+
+    /// A bit for each that there is.
+    #[inline]
+    pub fn bits(&self) -> usize {
+        self.numbers.iter().enumerate().map(|(n, number)| usize::from(*number != 0) << n).sum()
+    }
+
+    /// Those that there are, with their places in [`BEFORE`].
+    #[inline]
+    pub fn each<'a, S>(&'a self, cells: &'a Cells<S>) -> impl Iterator<Item = (usize, &'a Cell)> {
+        (0..BEFORE.len()).filter_map(move |n| Some((n, self.get(cells, n)?)))
+    }
+}
+
 /// Cells of a cube.
 #[derive(Clone, Debug)]
 pub struct Cells<S> {
@@ -126,6 +160,21 @@ impl<S: Copy> Cells<S> {
             place[axis] = c as u8;
         }
         self.get(place)
+    }
+
+    /// The numbers of the cells before a place, as [`BEFORE`] has them.
+    #[inline]
+    pub fn before(&self, at: [u8; 3]) -> CellsBefore {
+        let place = self.place(at);
+        let beside = [1, self.side, self.side * self.side];
+        let mut numbers = [0; BEFORE.len()];
+        for (number, step) in numbers.iter_mut().zip(&BEFORE) {
+            if (0..3).all(|axis| step[axis] == 0 || at[axis] > 0) {
+                let back = (0..3).map(|axis| if step[axis] == 0 { 0 } else { beside[axis] }).sum::<usize>();
+                *number = self.grid[place - back];
+            }
+        }
+        CellsBefore { numbers }
     }
 
     /// The splats of a cell.

@@ -1,23 +1,14 @@
 //! Planes of a cell's parent and of what is around that, as the cell sees them.
 
 use super::cells::{Cell, Cells, Splat};
-use super::directions::{Directions, ONE};
+use super::directions::{Directions, ONE, SUB};
 use super::model::{BINS, NO_BIN};
-
-/// Parts of a cell in which distances are told.
-pub const SUB: i32 = 256;
 
 /// Signed distance of a cell's middle from the plane of a splat that is `step` cells away, in 1/256 of a cell.
 #[inline]
 pub fn at_cell(normal: [i32; 3], offset: i32, step: [i8; 3], cells: i32) -> i32 {
     let along = (0..3).map(|axis| normal[axis] * -i32::from(step[axis])).sum::<i32>() * cells;
     along / (ONE / SUB) - offset * (SUB / 16)
-}
-
-/// The farthest from a cell's middle at which a plane meets it, in 1/256 of the cell.
-#[inline]
-pub fn support(normal: [i32; 3]) -> i32 {
-    normal.iter().map(|c| c.abs()).sum::<i32>() / (2 * ONE / SUB)
 }
 
 /// What is known of a cell that is divided, before its eight are.
@@ -29,8 +20,8 @@ pub struct NeighbourPlanes<'a> {
     pub count: usize,
     /// Which of the six cells beside it have splats.
     pub faces: usize,
-    /// Planes of these: normal, and distance from the parent's middle in 1/256 of half a parent.
-    beside: [([i32; 3], i32); 6],
+    /// Planes of these: normal with its support, and distance from the parent's middle in 1/256 of half a parent.
+    beside: [(([i32; 3], i32), i32); 6],
     known: usize,
 }
 
@@ -46,7 +37,7 @@ impl<'a> NeighbourPlanes<'a> {
             splats,
             count: splats.len(),
             faces: 0,
-            beside: [([0; 3], 0); 6],
+            beside: [(([0; 3], 0), 0); 6],
             known: 0,
         };
         let own = splats.first().map(|splat| directions.vector(splat.normal));
@@ -57,11 +48,11 @@ impl<'a> NeighbourPlanes<'a> {
             };
             around.faces |= 1 << n;
             if let (Some(splat), Some(own)) = (parents.of(cell).first(), own) {
-                let normal = directions.vector(splat.normal);
+                let (normal, support) = directions.supported(splat.normal);
                 let cosine = (0..3).map(|axis| normal[axis] * own[axis]).sum::<i32>();
                 if cosine > ONE * ONE / 2 {
                     let distance = 2 * at_cell(normal, i32::from(splat.offset), *step, 1);
-                    around.beside[around.known] = (normal, distance);
+                    around.beside[around.known] = ((normal, support), distance);
                     around.known += 1;
                 }
             }
@@ -69,23 +60,25 @@ impl<'a> NeighbourPlanes<'a> {
         around
     }
 
-    /// Signed distance of an octant's middle from the plane of the parent, in 1/256 of the octant.
+    /// Signed distance of an octant's middle from a plane of the parent, whose unit vector is given, in 1/256 of the octant.
     #[inline]
-    pub fn distance(&self, splat: &Splat, octant: usize) -> i32 {
-        let normal = self.directions.vector(splat.normal);
-        -i32::from(splat.offset) * (SUB / 8) + to_octant(normal, octant)
+    pub fn distance(&self, splat: &Splat, vector: [i32; 3], octant: usize) -> i32 {
+        to_octant(vector, octant) - i32::from(splat.offset) * (SUB / 8)
     }
 
     /// The class of how far the parent's plane passes an octant's middle, and of how far those beside the parent do.
     #[inline]
     pub fn bins(&self, octant: usize) -> (usize, usize) {
         let own = self.splats.iter().map(|splat| {
-            let support = support(self.directions.vector(splat.normal)) + 1;
-            self.distance(splat, octant) * 16 / support
+            let (normal, support) = self.directions.supported(splat.normal);
+            self.directions.in_support(self.distance(splat, normal, octant), support)
         });
         let own = own.min_by_key(|passes| passes.abs()).map_or(NO_BIN, bin);
         let beside = self.beside[..self.known].iter();
-        let sum = beside.map(|(n, at)| (at + to_octant(*n, octant)) * 16 / (support(*n) + 1)).sum::<i32>();
+        let passes = |((n, support), at): &(([i32; 3], i32), i32)| {
+            self.directions.in_support(at + to_octant(*n, octant), *support)
+        };
+        let sum = beside.map(passes).sum::<i32>();
         (own, if self.known == 0 { NO_BIN } else { bin(sum / self.known as i32) })
     }
 }

@@ -210,6 +210,22 @@ impl SplatTree {
         coded.map(|coded| coded.cells).ok_or(Fault("a unit says what cannot be"))
     }
 
+    /// The number of a node's unit, if the directory has it so far.
+    pub fn unit_of(&self, key: u64) -> Option<usize> {
+        self.entries.binary_search_by_key(&key, |entry| entry.key).ok()
+    }
+
+    /// Leaves out again what a unit gave, as if it had not been taken in. What came from units below it must be left out before.
+    pub fn forget(&mut self, unit_number: usize) {
+        let key = self.entries[unit_number].key;
+        for octant in 0..8 {
+            // An empty piece, since removing takes more code than a page should load.
+            if let Some(piece) = self.pieces.get_mut(&(key * 8 + octant)) {
+                *piece = NodeCells::new();
+            }
+        }
+    }
+
     /// Takes in what was decoded.
     pub fn take(&mut self, unit_number: usize, cells: &Cells<Splat>) {
         self.insert(self.entries[unit_number].key, cells);

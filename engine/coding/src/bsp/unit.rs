@@ -1,9 +1,9 @@
 //! A unit: the cells into which those of a node are divided, coded given these.
 
-use super::cells::{Cell, Cells, Clip, Splat, SplatInput, PAIRS, SPLATS_MAX};
-use super::directions::{Directions, ONE};
-use super::model::{Model, CANDIDATES_MAX, COARSE_BINS, NO_BIN};
-use super::planes::{at_cell, bin, support, NeighbourPlanes, SUB};
+use super::cells::{Cell, Cells, CellsBefore, Clip, Splat, SplatInput, BEFORE, PAIRS, SPLATS_MAX};
+use super::directions::{Directions, ONE, SUB};
+use super::model::{Model, CANDIDATES_MAX, COARSE_BINS, NO_BIN, SPREADS};
+use super::planes::{at_cell, bin, NeighbourPlanes};
 use crate::range::Coder;
 
 /// A plane as far from a cell as this, in 1/16 of the cell, cannot be told.
@@ -49,11 +49,12 @@ pub fn unit<C: Coder>(
             let at = [0, 1, 2].map(|axis| parent.at[axis] * 2 + (octant >> axis & 1) as u8);
             let given = wanted.and_then(|wanted| Some((wanted, wanted.get(at)?)));
             let is_last = setting.has_parents && octant == 7 && found == 0;
-            if is_last
-                || is_occupied(coder, model, setting, &around, &out.cells, at, octant, found, given.is_some())
+            let before = out.cells.before(at);
+            let causal = (&out.cells, &before);
+            if is_last || is_occupied(coder, model, setting, &around, causal, octant, found, given.is_some())
             {
                 found += 1;
-                cell(coder, model, setting, &around, at, given, &mut out)?;
+                cell(coder, model, setting, &around, (at, &before), given, &mut out)?;
             }
         }
     }
@@ -68,13 +69,12 @@ fn is_occupied<C: Coder>(
     model: &mut Model,
     setting: &Setting<'_>,
     around: &NeighbourPlanes<'_>,
-    cells: &Cells<Splat>,
-    at: [u8; 3],
+    (cells, before): (&Cells<Splat>, &CellsBefore),
     octant: usize,
     found: usize,
     value: bool,
 ) -> bool {
-    let causal = CausalContext::new(setting.directions, cells, at);
+    let causal = CausalContext::new(setting.directions, cells, before);
     let (parent, beside) = around.bins(octant);
     let near = causal.bin();
     let set = causal.planes + if around.count > 1 { 4 } else { 0 } + if octant == 0 { 8 } else { 0 };
@@ -100,21 +100,12 @@ struct CausalContext {
     passes: i32,
 }
 
-/// Cells before one: three beside it, then those across edges and the corner.
-const BEFORE: [[i8; 3]; 7] =
-    [[-1, 0, 0], [0, -1, 0], [0, 0, -1], [-1, -1, 0], [-1, 0, -1], [0, -1, -1], [-1, -1, -1]];
-
 impl CausalContext {
     #[inline]
-    fn new(directions: &Directions, cells: &Cells<Splat>, at: [u8; 3]) -> CausalContext {
-        let mut causal = CausalContext { bits: 0, planes: 0, passes: 0 };
-        for (n, step) in BEFORE.iter().enumerate() {
-            let cell = match cells.beside(at, *step) {
-                Some(cell) => cell,
-                None => continue,
-            };
-            causal.bits |= 1 << n;
-            if n < 3 {
+    fn new(directions: &Directions, cells: &Cells<Splat>, before: &CellsBefore) -> CausalContext {
+        let mut causal = CausalContext { bits: before.bits(), planes: 0, passes: 0 };
+        for (n, step) in BEFORE.iter().enumerate().take(3) {
+            if let Some(cell) = before.get(cells, n) {
                 let passes = cells.of(cell).iter().map(|splat| passes(directions, splat, *step));
                 causal.planes += 1;
                 causal.passes += passes.min_by_key(|p| p.abs()).unwrap_or(0);
@@ -135,9 +126,8 @@ impl CausalContext {
 /// How far the plane of a splat a step away passes the middle of a cell, in 1/16 of the farthest at which it meets it.
 #[inline]
 fn passes(directions: &Directions, splat: &Splat, step: [i8; 3]) -> i32 {
-    let n = directions.vector(splat.normal);
-    let distance = at_cell(n, i32::from(splat.offset), step, 1);
-    distance * 16 / (support(n) + 1)
+    let (normal, support) = directions.supported(splat.normal);
+    directions.in_support(at_cell(normal, i32::from(splat.offset), step, 1), support)
 }
 
 /// Codes what is in a cell that has splats.
@@ -146,21 +136,21 @@ fn cell<C: Coder>(
     model: &mut Model,
     setting: &Setting<'_>,
     around: &NeighbourPlanes<'_>,
-    at: [u8; 3],
+    (at, before): ([u8; 3], &CellsBefore),
     given: Option<(&Cells<SplatInput>, &Cell)>,
     out: &mut CodedUnit,
 ) -> Option<()> {
     let wanted = given.map_or(&[][..], |(cells, cell)| cells.of(cell));
     let octant = (0..3).map(|axis| usize::from(at[axis] & 1) << axis).sum::<usize>();
-    let beside = BEFORE.map(|step| out.cells.beside(at, step).copied());
-    let several = beside[..3].iter().flatten().filter(|cell| cell.count > 1).count();
+    let beside = || (0..3).filter_map(|n| before.get(&out.cells, n));
+    let several = beside().filter(|cell| cell.count > 1).count();
     let mut count = 1;
     if coder.bit(&mut model.more[around.count.min(2)][several], wanted.len() > 1) {
         count = 2 + usize::from(coder.bit(&mut model.third[several], wanted.len() > 2));
     }
     let mut splats = [Splat { normal: [0; 3], offset: 0 }; SPLATS_MAX];
     for n in 0..count {
-        let sources = Sources::new(setting.directions, around, &out.cells, &beside, octant, &splats[..n]);
+        let sources = Sources::new(setting.directions, around, (&out.cells, before), octant, &splats[..n]);
         splats[n] = splat(coder, model, setting.directions, &sources, wanted.get(n))?;
         if let Some(wanted) = wanted.get(n) {
             out.error = out.error.max(error(setting.directions, &splats[n], wanted));
@@ -170,7 +160,8 @@ fn cell<C: Coder>(
     for (pair, _) in PAIRS.iter().enumerate().filter(|(_, pair)| pair[1] < count) {
         let clip = given.map_or(Clip::None, |(_, cell)| cell.clip(pair));
         if coder.bit(&mut model.clipped[usize::from(count > 2)], clip != Clip::None) {
-            let context = beside.iter().flatten().map(|cell| cell.clip(0)).find(|clip| *clip != Clip::None);
+            let context =
+                before.each(&out.cells).map(|(_, cell)| cell.clip(0)).find(|clip| *clip != Clip::None);
             let context = context.map_or(0, |clip| if clip == Clip::Convex { 1 } else { 2 });
             let is_convex = coder.bit(&mut model.convex[context], clip == Clip::Convex);
             clips |= (if is_convex { Clip::Convex } else { Clip::Concave }).of_pair(pair);
@@ -178,8 +169,9 @@ fn cell<C: Coder>(
     }
     let mut divided = false;
     if setting.may_divide {
-        let before = beside[..3].iter().flatten().filter(|cell| cell.divided).count();
-        divided = coder.bit(&mut model.divided[before], given.map_or(false, |(_, cell)| cell.divided));
+        let divided_before = beside().filter(|cell| cell.divided).count();
+        divided =
+            coder.bit(&mut model.divided[divided_before], given.map_or(false, |(_, cell)| cell.divided));
     }
     out.cells.push(at, &splats[..count], clips, divided);
     Some(())
@@ -189,140 +181,165 @@ fn cell<C: Coder>(
 #[derive(Clone, Copy)]
 struct Candidate {
     normal: [i8; 3],
-    /// Whether its plane passes through the cell, and how many splats around have it.
-    passes: bool,
-    votes: usize,
+    /// How many splats around have it, and [`PASSES`] if its plane passes through the cell.
+    rank: u8,
+}
+
+/// More than the votes of a candidate: three splats in each of eight cells.
+const PASSES: u8 = 64;
+
+/// A plane around a cell.
+#[derive(Clone, Copy)]
+struct PlaneAround {
+    normal: [i8; 3],
+    vector: [i16; 3],
+    /// Signed distance from the middle of the cell, in 1/256 of it.
+    distance: i16,
+}
+
+impl PlaneAround {
+    #[inline(always)]
+    fn new(splat: &Splat, vector: [i32; 3], distance: i32) -> PlaneAround {
+        // Whatever a file says, distances are below 2^12.
+        PlaneAround { normal: splat.normal, vector: vector.map(|c| c as i16), distance: distance as i16 }
+    }
 }
 
 /// What the splats around a cell say of one in it.
 struct Sources {
     candidates: [Candidate; CANDIDATES_MAX],
     count: usize,
-    /// Signed distances of their planes, in 1/256 of the cell, and their normals, of those that count.
-    planes: [([i8; 3], i32); 8],
+    /// Of those that count.
+    planes: [PlaneAround; 8],
     known: usize,
     /// The direction that is foretold.
     normal: [i8; 3],
     spread: usize,
 }
 
+/// Whether a normal is not one of those that the cell has by now.
+#[inline(always)]
+fn is_new(splat: &Splat, taken: &[Splat]) -> bool {
+    taken.iter().all(|other| other.normal != splat.normal)
+}
+
 impl Sources {
     fn new(
         directions: &Directions,
         around: &NeighbourPlanes<'_>,
-        cells: &Cells<Splat>,
-        beside: &[Option<Cell>; 7],
+        (cells, before): (&Cells<Splat>, &CellsBefore),
         octant: usize,
         taken: &[Splat],
     ) -> Sources {
-        let none = Candidate { normal: [0; 3], passes: false, votes: 0 };
         let mut sources = Sources {
-            candidates: [none; CANDIDATES_MAX],
+            candidates: [Candidate { normal: [0; 3], rank: 0 }; CANDIDATES_MAX],
             count: 0,
-            planes: [([0; 3], 0); 8],
+            planes: [PlaneAround { normal: [0; 3], vector: [0; 3], distance: 0 }; 8],
             known: 0,
             normal: [0; 3],
             spread: 0,
         };
-        for (n, cell) in beside.iter().enumerate().filter_map(|(n, cell)| Some((n, cell.as_ref()?))) {
-            for splat in cells.of(cell) {
-                let distance =
-                    at_cell(directions.vector(splat.normal), i32::from(splat.offset), BEFORE[n], 1);
-                sources.add(directions, splat.normal, distance, taken, n < 3);
+        for (n, cell) in before.each(cells) {
+            for splat in cells.of(cell).iter().filter(|splat| is_new(splat, taken)) {
+                let (vector, support) = directions.supported(splat.normal);
+                let distance = at_cell(vector, i32::from(splat.offset), BEFORE[n], 1);
+                sources.add(PlaneAround::new(splat, vector, distance), support, n < 3);
             }
         }
-        for splat in around.splats {
-            let distance = around.distance(splat, octant);
-            sources.add(directions, splat.normal, distance, taken, sources.known < 2);
+        for splat in around.splats.iter().filter(|splat| is_new(splat, taken)) {
+            let (vector, support) = directions.supported(splat.normal);
+            let distance = around.distance(splat, vector, octant);
+            let counts = sources.known < 2;
+            sources.add(PlaneAround::new(splat, vector, distance), support, counts);
         }
-        // Those whose plane passes, and that many have, first.
-        sources.candidates[..sources.count].sort_by_key(|c| (!c.passes, std::cmp::Reverse(c.votes)));
+        sources.order();
         sources.foretell(directions);
         sources
     }
 
-    fn add(
-        &mut self,
-        directions: &Directions,
-        normal: [i8; 3],
-        distance: i32,
-        taken: &[Splat],
-        counts: bool,
-    ) {
-        if taken.iter().any(|splat| splat.normal == normal) {
-            return;
-        }
-        let n = directions.vector(normal);
-        let passes = distance.abs() <= support(n) + 2 * SUB / 16;
-        match self.candidates[..self.count].iter_mut().find(|c| c.normal == normal) {
-            Some(candidate) => {
-                candidate.votes += 1;
-                candidate.passes |= passes;
-            }
+    #[inline(always)]
+    fn add(&mut self, plane: PlaneAround, support: i32, counts: bool) {
+        let passes = i32::from(plane.distance).abs() <= support + 2 * SUB / 16;
+        let rank = if passes { PASSES } else { 0 };
+        match self.candidates[..self.count].iter_mut().find(|c| c.normal == plane.normal) {
+            Some(candidate) => candidate.rank = (candidate.rank + 1) | rank,
             None if self.count < CANDIDATES_MAX => {
-                self.candidates[self.count] = Candidate { normal, passes, votes: 1 };
+                self.candidates[self.count] = Candidate { normal: plane.normal, rank: 1 | rank };
                 self.count += 1;
             }
             None => {}
         }
         if counts && passes && self.known < self.planes.len() {
-            self.planes[self.known] = (normal, distance);
+            self.planes[self.known] = plane;
             self.known += 1;
         }
     }
 
+    /// Sorts candidates: those whose plane passes, and that many have, first. There are few; equal ones keep their order.
+    #[inline(always)]
+    fn order(&mut self) {
+        for end in 1..self.count {
+            let next = self.candidates[end];
+            let mut at = end;
+            while at > 0 && self.candidates[at - 1].rank < next.rank {
+                self.candidates[at] = self.candidates[at - 1];
+                at -= 1;
+            }
+            self.candidates[at] = next;
+        }
+    }
+
     /// The mean of the normals around, and how far they are from each other.
+    #[inline(always)]
     fn foretell(&mut self, directions: &Directions) {
-        let mut sum = [0i64; 3];
-        for (normal, _) in &self.planes[..self.known] {
-            let n = directions.vector(*normal);
-            (0..3).for_each(|axis| sum[axis] += i64::from(n[axis]));
+        let planes = &self.planes[..self.known];
+        let mut sum = [0i32; 3];
+        for plane in planes {
+            (0..3).for_each(|axis| sum[axis] += i32::from(plane.vector[axis]));
         }
         if sum == [0; 3] {
             sum = match self.candidates[..self.count].first() {
-                Some(first) => first.normal.map(i64::from),
+                Some(first) => first.normal.map(i32::from),
                 None => [0, 0, 1],
             };
         }
-        self.normal = directions.near(sum);
-        let apart = |(normal, _): &([i8; 3], i32)| {
-            (0..3).map(|axis| (i32::from(normal[axis]) - i32::from(self.normal[axis])).abs()).sum::<i32>()
+        self.normal = directions.near(sum.map(i64::from));
+        let apart = |plane: &PlaneAround| {
+            (0..3)
+                .map(|axis| (i32::from(plane.normal[axis]) - i32::from(self.normal[axis])).abs())
+                .sum::<i32>()
         };
-        let apart = self.planes[..self.known].iter().map(apart).max().unwrap_or(directions.radius());
-        self.spread = match apart * 32 / directions.radius() {
-            0..=1 => 0,
-            2..=4 => 1,
-            5..=8 => 2,
-            9..=14 => 3,
-            15..=24 => 4,
-            _ => 5,
-        };
+        let apart = planes.iter().map(apart).max().unwrap_or(directions.radius());
+        // In 1/32 of the radius.
+        self.spread = SPREAD_ENDS.iter().filter(|end| apart * 32 >= **end * directions.radius()).count();
     }
 
     /// Signed distance of a plane of this normal from the middle of the cell along it, in 1/256 of the cell; and its class.
+    #[inline(always)]
     fn offset(&self, directions: &Directions, normal: [i8; 3]) -> (i32, usize) {
         let n = directions.vector(normal);
         let (mut sum, mut count, mut same) = (0, 0, 0);
-        for (other, distance) in &self.planes[..self.known] {
-            let m = directions.vector(*other);
-            let cosine = (0..3).map(|axis| n[axis] * m[axis]).sum::<i32>();
-            if *other == normal {
-                same += 1;
-            }
+        for plane in &self.planes[..self.known] {
+            let cosine = (0..3).map(|axis| n[axis] * i32::from(plane.vector[axis])).sum::<i32>();
+            same += usize::from(plane.normal == normal);
             if cosine > ONE * ONE / 5 * 4 {
-                sum -= distance;
+                sum -= i32::from(plane.distance);
                 count += 1;
             }
         }
         match (count, same) {
             (0, _) => (0, 5),
-            (_, 0) => (sum / count, if count == 1 { 4 } else { 3 }),
+            (1, 0) => (sum, 4),
+            (_, 0) => (sum / count, 3),
             (_, 1) => (sum / count, 2),
             (_, 2) => (sum / count, 1),
             _ => (sum / count, 0),
         }
     }
 }
+
+/// Where classes of how far normals are apart end, in 1/32 of the radius.
+const SPREAD_ENDS: [i32; SPREADS - 1] = [2, 5, 9, 15, 25];
 
 /// Codes a splat.
 fn splat<C: Coder>(
@@ -335,7 +352,9 @@ fn splat<C: Coder>(
     let mut normal = None;
     for (n, candidate) in sources.candidates[..sources.count].iter().enumerate() {
         let is_same = wanted.map_or(false, |wanted| is_same(directions, candidate.normal, wanted));
-        let context = ((n * 2 + usize::from(candidate.passes)) * 5 + candidate.votes.min(4)) * 3;
+        let passes = candidate.rank >= PASSES;
+        let votes = usize::from(candidate.rank % PASSES);
+        let context = ((n * 2 + usize::from(passes)) * 5 + votes.min(4)) * 3;
         if coder.bit(&mut model.same[context + (sources.spread / 2).min(2)], is_same) {
             normal = Some(candidate.normal);
             break;

@@ -176,3 +176,61 @@ fn pictures_are_those_of_every_splat_in_every_pixel() {
         assert!(covered > 1200 && others <= 8, "{others} of {covered}, {opening}, {cell}");
     }
 }
+
+#[test]
+fn what_a_page_draws_is_what_the_program_draws() {
+    use brickfield_coding::draw::{Canvas, DrawStyle, DrawView, packed_splats};
+    let torus = include_bytes!("../../golden/v1/torus.bsp").as_slice();
+    let block = include_bytes!("../../../../fuzz/seeds/bsp/box.bsp").as_slice();
+    for (bytes, opening, at) in [
+        (torus, 0.0, None),
+        (torus, 30.0, None),
+        (torus, 30.0, Some(0.1)),
+        (block, 0.0, None),
+        (block, 60.0, None),
+    ] {
+        let tree = crate::splats::read_tree(bytes, None, &Silent).unwrap().unwrap();
+        let header = tree.header();
+        let level = u32::from(header.deepest);
+        let view = View { azimuth: 25.0, elevation: 30.0, opening };
+        let [low, high] = header.bounds;
+        let middle: [f64; 3] = std::array::from_fn(|a| (low[a] + high[a]) / 2.0);
+        let (size, height) = ([150u32, 130u32], 1.2 * (high[0] - low[0]));
+        let around = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| p[a] - middle[a]) };
+        let cuts = at.map(|at| CutPlane { axis: crate::lattice::Axis::Z, at: middle[2] + at, above: true });
+        let options = DrawOptions {
+            view,
+            focus: Some(Focus { centre: middle, height }),
+            bounds: header.bounds,
+            cuts: cuts.into_iter().collect(),
+            size,
+            supersample: 1,
+            background: [255; 4],
+        };
+        let expected = draw(&SplatScene::of_tree(&tree, Some(header.deepest)), &options, &Silent).unwrap();
+        let mut splats = Vec::new();
+        packed_splats(&tree, level, |_, _| true, &mut splats);
+        let mut canvas = Canvas::default();
+        canvas.draw(
+            &splats,
+            &DrawView {
+                size: size.map(|side| side as usize),
+                origin: around(header.origin),
+                edge: header.edge,
+                axes: view.axes(),
+                centre: [0.0; 3],
+                pixel: height / f64::from(size[1]),
+                distance: if opening > 0.0 { height / 2.0 / (opening.to_radians() / 2.0).tan() } else { 0.0 },
+                highest: at.map(|at| [1e30, 1e30, at]),
+                style: DrawStyle::Light,
+                deepest: level,
+            },
+        );
+        let is_alike = |(a, b): &(&Rgba, &Rgba)| a.iter().zip(*b).all(|(a, b)| a.abs_diff(*b) <= 2);
+        let pairs = || canvas.pixels().iter().zip(&expected.pixels);
+        let covered = pairs().filter(|(_, pixel)| **pixel != [255; 4]).count();
+        let others = pairs().filter(|pair| !is_alike(pair)).count();
+        // Edges of splats are where rounding tells.
+        assert!(covered > 3000 && others <= covered / 500, "{others} of {covered}, {opening}, {at:?}");
+    }
+}

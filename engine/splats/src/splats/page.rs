@@ -13,11 +13,16 @@ use std::path::Path;
 const PAGE: &str = include_str!("../../page/page.html");
 const WORKER: &str = include_str!("../../page/worker.js");
 const SHADERS: &str = include_str!("../../page/shaders.js");
+const WEBGL: &str = include_str!("../../page/webgl.js");
 const VIEWER: &str = include_str!("../../page/viewer.js");
-/// The decoder, compiled by `coding/page/build.sh`.
-const DECODER: &[u8] = include_bytes!("../../page/decoder.wasm");
+/// What decodes and draws, compiled and packed by `coding/page/build.sh`.
+const DECODER: &[u8] = include_bytes!("../../page/decoder.wasm.gz");
 /// What finds the beads of picks, likewise.
-const FINDER: &[u8] = include_bytes!("../../page/picks.wasm");
+const FINDER: &[u8] = include_bytes!("../../page/picks.wasm.gz");
+/// The places of the page, in order.
+const PLACES: [&str; 11] = [
+    "CONNECT", "WORKER", "PART", "DECODER", "DATA", "SHADERS", "WEBGL", "VIEWER", "FINDER", "BESIDE", "PICKS",
+];
 /// Bytes that are written at once; a multiple of 3.
 const CHUNK: usize = 3 << 14;
 /// The page of a folder, and its files of splats and of beads, whose names the page knows.
@@ -28,7 +33,7 @@ const PICKS: &str = "part.picks";
 /// Bytes of a page with picks of beads beside its data.
 #[must_use]
 pub fn viewer_bytes() -> usize {
-    [PAGE, WORKER, SHADERS, VIEWER].map(str::len).iter().sum::<usize>() + DECODER.len() + FINDER.len()
+    [PAGE, WORKER, SHADERS, WEBGL, VIEWER].map(str::len).iter().sum::<usize>() + DECODER.len() + FINDER.len()
 }
 
 /// What a page shows.
@@ -94,18 +99,20 @@ pub fn write_page_folder(
 /// A page with the data in it, or without.
 fn write_viewer(data: PageData<'_>, path: &Path) -> Result<u64> {
     let mut file = PartFile::create(path)?;
-    let (splats, beads, connect, beside) = match data {
-        PageData::Here(splats, beads) => (splats, beads, "", ""),
+    let (splats, beads, connect, part, beside) = match data {
+        PageData::Here(splats, beads) => (splats, beads, "", "", ""),
         PageData::Beside { has_beads } => {
-            (&[][..], &[][..], "; connect-src 'self'", if has_beads { PICKS } else { "" })
+            (&[][..], &[][..], "; connect-src 'self'", PART, if has_beads { PICKS } else { "" })
         }
     };
     let has_beads = !beside.is_empty() || !beads.is_empty();
     let fill = |file: &mut PartFile, place: &str| match place {
         "CONNECT" => file.append(connect.as_bytes()),
+        "PART" => file.append(part.as_bytes()),
         "BESIDE" => file.append(beside.as_bytes()),
         "WORKER" => file.append(WORKER.as_bytes()),
         "SHADERS" => file.append(SHADERS.as_bytes()),
+        "WEBGL" => file.append(WEBGL.as_bytes()),
         "VIEWER" => file.append(VIEWER.as_bytes()),
         "DECODER" => append_letters(file, DECODER),
         "FINDER" if has_beads => append_letters(file, FINDER),
@@ -114,7 +121,7 @@ fn write_viewer(data: PageData<'_>, path: &Path) -> Result<u64> {
         _ => append_letters(file, splats),
     };
     let mut rest = PAGE;
-    for place in ["CONNECT", "DECODER", "DATA", "WORKER", "SHADERS", "VIEWER", "FINDER", "BESIDE", "PICKS"] {
+    for place in PLACES {
         let (before, after) = rest.split_once(&format!("@{place}@")).expect("the page has a place for it");
         file.append(before.as_bytes())?;
         fill(&mut file, place)?;
@@ -166,7 +173,7 @@ mod tests {
         }
         let folder = tempfile::tempdir().unwrap();
         for (name, kept) in [("decoder", DECODER), ("picks", FINDER)] {
-            let made = folder.path().join("made.wasm");
+            let made = folder.path().join("made.wasm.gz");
             let script = here.join("../coding/page/build.sh");
             let done = std::process::Command::new(script).arg(name).arg(&made).output().unwrap();
             assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));

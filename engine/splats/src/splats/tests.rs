@@ -463,3 +463,74 @@ fn torus_of_few_splats() {
         assert!(covered <= error && off <= 1.1 * error.max(0.004), "{error}: {covered}, {off}");
     }
 }
+
+#[test]
+fn a_page_gets_the_whole_picture_from_what_is_in_view() {
+    use brickfield_coding::draw::{Canvas, DrawStyle, DrawView, packed_splats, seen_nodes, units_to_refine};
+    let (bytes, _) = written(&levels(&tree(torus, 3), None));
+    let mut tree = SplatTree::open(&bytes).unwrap();
+    let head = tree.pieces().clone();
+    let decoded = |tree: &SplatTree, unit: usize| {
+        let range = tree.start(unit) as usize..tree.start(unit + 1) as usize;
+        tree.decode(unit, &bytes[range]).unwrap()
+    };
+    let (units, deepest) = (tree.entries().len(), u32::from(tree.header().deepest));
+    let view = DrawView {
+        size: [200, 200],
+        origin: tree.header().origin,
+        edge: tree.header().edge,
+        axes: [[1.0, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, -0.6, 0.8]],
+        centre: [0.0; 3],
+        pixel: 0.011,
+        distance: 5.0,
+        highest: None,
+        style: DrawStyle::Light,
+        deepest,
+    };
+    let (mut loaded, mut canvas, mut splats) = (vec![false; units], Canvas::default(), Vec::new());
+    let mut draw = |tree: &SplatTree, loaded: &[bool]| {
+        let has_below = |key: u64, level: u32| {
+            level < u32::from(tree.header().head) || tree.unit_of(key).is_some_and(|unit| loaded[unit])
+        };
+        packed_splats(tree, deepest, has_below, &mut splats);
+        canvas.draw(&splats, &view);
+        (canvas.pixels().to_vec(), seen_nodes(&splats, canvas.seen()))
+    };
+    // Where cells are small enough by now nothing is wanted.
+    let (_, seen) = draw(&tree, &loaded);
+    assert!(seen.len() > 3 && units_to_refine(&tree, &seen, |_| false, &view, 100.0).is_empty());
+    loop {
+        let (_, seen) = draw(&tree, &loaded);
+        let found = units_to_refine(&tree, &seen, |unit| loaded[unit], &view, 0.01);
+        if found.is_empty() {
+            break;
+        }
+        for unit in found.into_iter().map(|unit| unit as usize) {
+            let cells = decoded(&tree, unit);
+            tree.take(unit, &cells);
+            loaded[unit] = true;
+        }
+    }
+    let (pixels, _) = draw(&tree, &loaded);
+    let count = loaded.iter().filter(|is_loaded| **is_loaded).count();
+    assert!(count > 5 && count < units, "{count} of {units}");
+    let mut all = SplatTree::open(&bytes).unwrap();
+    for unit in 0..units {
+        let cells = decoded(&all, unit);
+        all.take(unit, &cells);
+    }
+    let (whole, _) = draw(&all, &vec![true; units]);
+    let others = pixels.iter().zip(&whole).filter(|(a, b)| a != b).count();
+    assert!(others <= 20, "{others} pixels differ");
+    // What was forgotten can be read again.
+    for unit in (0..units).rev().filter(|unit| loaded[*unit]) {
+        tree.forget(unit);
+    }
+    let left: Vec<_> = tree.pieces().iter().filter(|(_, piece)| !piece.cells.is_empty()).collect();
+    assert!(left.into_iter().eq(head.iter().filter(|(_, piece)| !piece.cells.is_empty())));
+    for unit in 0..units {
+        let cells = decoded(&tree, unit);
+        tree.take(unit, &cells);
+    }
+    assert!(tree.pieces().iter().eq(all.pieces().iter()));
+}
