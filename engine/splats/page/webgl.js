@@ -3,7 +3,9 @@
 function graphics(surface, forced) {
   const gl = surface.getContext("webgl2", { antialias: false, alpha: false, failIfMajorPerformanceCaveat: !forced });
   if (!gl || !(gl.getExtension("EXT_color_buffer_float") || gl.getExtension("EXT_color_buffer_half_float"))) return null;
-  const named = gl.getExtension("WEBGL_debug_renderer_info"), renderer = gl.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
+  // Some browsers tell the name without asking, and warn of those that ask.
+  const told = gl.getParameter(gl.RENDERER), named = /^WebKit/.test(told) && gl.getExtension("WEBGL_debug_renderer_info");
+  const renderer = named ? gl.getParameter(named.UNMASKED_RENDERER_WEBGL) : told;
   if (!forced && /swiftshader|llvmpipe|softpipe|software|basic render/i.test(renderer)) return null;
   function program(vertexText, fragmentText) {
     const made = gl.createProgram();
