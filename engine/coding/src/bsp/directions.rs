@@ -67,8 +67,8 @@ impl Directions {
     #[inline]
     pub fn in_support(&self, distance: i32, support: i32) -> i32 {
         // A product instead of a division: exact as long as what was rounded up, times the distance, is less than one.
-        let share =
-            (u64::from(distance.unsigned_abs() * 16) * self.per_support[support as usize] >> 32) as i32;
+        let product = u64::from(distance.unsigned_abs() * 16) * self.per_support[support as usize];
+        let share = (product >> 32) as i32;
         if distance < 0 {
             -share
         } else {

@@ -39,11 +39,10 @@ impl Edges {
         let columns = (splat.end[0] - splat.first[0]) as f32;
         let mut edges =
             Edges { ellipse, lines: [[0.0; 4]; LINES_MAX], count: 0, start: splat.start, columns };
-        let mut axes = [[0.0; 3]; 3];
-        for a in 0..3 {
-            axes[a][a] = 1.0;
-            edges.add(splat, one, axes[a], CELL_REACH - splat.moved[a]);
-            edges.add(splat, one, axes[a].map(|c| -c), CELL_REACH + splat.moved[a]);
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        for (axis, moved) in axes.iter().zip(&splat.moved) {
+            edges.add(splat, one, *axis, CELL_REACH - moved);
+            edges.add(splat, one, axis.map(|c| -c), CELL_REACH + moved);
         }
         for (normal, d) in &splat.cuts[..splat.cut_count] {
             edges.add(splat, one, *normal, *d);

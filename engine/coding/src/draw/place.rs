@@ -109,10 +109,10 @@ impl PlacedSplat {
         }
         let (right, up) = (n[0] / before, n[1] / before);
         let per_cell = view.pixel / view.cell;
-        for a in 0..3 {
+        (0..3).for_each(|a| {
             placed.across[a] = (view.axes[0][a] - right * ray[a]) * per_cell;
             placed.down[a] = (up * ray[a] - view.axes[1][a]) * per_cell;
-        }
+        });
         // Along parallel rays a plane goes away by this a pixel; with perspective the same changes 1/t.
         placed.slope = [right * view.pixel, -up * view.pixel];
         if PARALLEL {
@@ -146,14 +146,11 @@ impl PlacedSplat {
     pub fn at<const PARALLEL: bool>(&self, column: usize, row: usize) -> Option<(f32, f32)> {
         let (x, y) = (self.start[0] + column as f32, self.start[1] + row as f32);
         let t = self.along::<PARALLEL>(x, y);
-        let mut place = [0.0; 3];
-        for a in 0..3 {
-            place[a] = (self.across[a] * x + self.down[a] * y) * t;
-        }
+        let place = self.place(x, y, t);
         let share = dot(place, place) * PER_SQUARE;
         let mut is_in = share <= 1.0 && t > 0.0;
-        for a in 0..3 {
-            is_in &= (place[a] + self.moved[a]).abs() <= CELL_REACH;
+        for (c, moved) in place.iter().zip(&self.moved) {
+            is_in &= (c + moved).abs() <= CELL_REACH;
         }
         for (normal, d) in &self.cuts[..self.cut_count] {
             is_in &= dot(*normal, place) <= *d;
@@ -173,12 +170,15 @@ impl PlacedSplat {
     pub fn within<const PARALLEL: bool>(&self, column: usize, row: usize) -> (f32, f32) {
         let (x, y) = (self.start[0] + column as f32, self.start[1] + row as f32);
         let t = self.along::<PARALLEL>(x, y);
-        let mut square = 0.0;
-        for a in 0..3 {
-            let place = (self.across[a] * x + self.down[a] * y) * t;
-            square += place * place;
-        }
-        (self.depth_at::<PARALLEL>(x, y, t), weight(square * PER_SQUARE))
+        let place = self.place(x, y, t);
+        (self.depth_at::<PARALLEL>(x, y, t), weight(dot(place, place) * PER_SQUARE))
+    }
+
+    #[inline(always)]
+    fn place(&self, x: f32, y: f32, t: f32) -> [f32; 3] {
+        let mut place = [0.0; 3];
+        (0..3).for_each(|a| place[a] = (self.across[a] * x + self.down[a] * y) * t);
+        place
     }
 
     #[inline(always)]

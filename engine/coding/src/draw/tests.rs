@@ -87,9 +87,9 @@ fn normals_are_those_of_the_ball() {
             continue;
         }
         let z = (1.0 - square).sqrt();
-        for a in 0..3 {
+        for (a, seen) in pixel[..3].iter().enumerate() {
             let normal = view.axes[0][a] * x + view.axes[1][a] * y + view.axes[2][a] * z;
-            let seen = f64::from(pixel[a]) / 127.5 - 1.0;
+            let seen = f64::from(*seen) / 127.5 - 1.0;
             assert!((normal - seen).abs() < 0.06, "{} beside {}", seen, normal);
         }
         count += 1;
