@@ -58,7 +58,7 @@ const CRATES: [(&str, &[Room]); 15] = [
             ("machining", &["analysis", "csg", "voids"]),
         ],
     ),
-    ("coding", &[("range", &[]), ("bsp", &["range"]), ("picks", &["range", "bsp"])]),
+    ("coding", &[("range", &[]), ("bsp", &["range"]), ("picks", &["range", "bsp"]), ("draw", &["bsp"])]),
     ("export", &[("export", &[]), ("import", &[])]),
     ("splats", &[("ellipses", &[]), ("splats", &["ellipses"]), ("draw", &["splats"])]),
     ("picture", &[("picture", &[]), ("section", &["picture"]), ("render", &["picture"])]),

@@ -5,7 +5,7 @@
 
 use brickfield_coding::bsp::{Header, SplatTree, ENTRY_BYTES, HEADER_BYTES};
 use brickfield_coding::draw::{
-    packed_splats, seen_nodes, units_to_refine, Canvas, DrawStyle, DrawView, PackedSplat,
+    packed_splats, seen_nodes, units_to_refine, PageCanvas, DrawStyle, DrawView, PackedSplat,
 };
 use std::cell::RefCell;
 
@@ -22,7 +22,7 @@ const UNCUT: f64 = 1e30;
 struct State {
     input: Vec<u8>,
     output: Vec<PackedSplat>,
-    canvas: Canvas,
+    canvas: PageCanvas,
     tree: Option<SplatTree>,
     /// Of each unit.
     units: Vec<Unit>,

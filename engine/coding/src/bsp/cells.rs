@@ -84,7 +84,7 @@ pub struct CellsBefore {
 }
 
 impl CellsBefore {
-    /// The cell of a place in [`BEFORE`].
+    /// The cell of a place in `BEFORE`.
     #[inline]
     pub fn get<'a, S>(&self, cells: &'a Cells<S>, n: usize) -> Option<&'a Cell> {
         match self.numbers[n] {
@@ -99,7 +99,7 @@ impl CellsBefore {
         self.numbers.iter().enumerate().map(|(n, number)| usize::from(*number != 0) << n).sum()
     }
 
-    /// Those that there are, with their places in [`BEFORE`].
+    /// Those that there are, with their places in `BEFORE`.
     #[inline]
     pub fn each<'a, S>(&'a self, cells: &'a Cells<S>) -> impl Iterator<Item = (usize, &'a Cell)> {
         (0..BEFORE.len()).filter_map(move |n| Some((n, self.get(cells, n)?)))
@@ -162,7 +162,7 @@ impl<S: Copy> Cells<S> {
         self.get(place)
     }
 
-    /// The numbers of the cells before a place, as [`BEFORE`] has them.
+    /// The numbers of the cells before a place, as `BEFORE` has them.
     #[inline]
     pub fn before(&self, at: [u8; 3]) -> CellsBefore {
         let place = self.place(at);

@@ -1,9 +1,9 @@
 //! Pixels while they are drawn.
 
-use super::edges::Edges;
+use super::edges::SplatEdges;
 use super::light::Lamps;
 use super::packed::PackedSplat;
-use super::place::PlacedSplat;
+use super::place::SeenSplat;
 use super::view::{DrawView, LevelView, TOGETHER};
 
 /// Levels that a splat may have.
@@ -16,7 +16,7 @@ const BACKGROUND: [u8; 4] = [255; 4];
 
 /// A picture and what it is made of, which one picture leaves to the next.
 #[derive(Default)]
-pub struct Canvas {
+pub struct PageCanvas {
     /// How far the nearest splat of a pixel is.
     depth: Vec<f32>,
     /// Normals by weight, and levels by weight.
@@ -26,7 +26,7 @@ pub struct Canvas {
     pixels: Vec<[u8; 4]>,
 }
 
-impl Canvas {
+impl PageCanvas {
     /// The pixels of the last picture: red, green, blue, 255; rows from the top.
     pub fn pixels(&self) -> &[[u8; 4]] {
         &self.pixels
@@ -62,10 +62,10 @@ impl Canvas {
 
     /// How far the nearest splats are.
     fn nearest<const PARALLEL: bool>(&mut self, splats: &[PackedSplat], levels: &[LevelView]) {
-        let Canvas { depth, is_near, .. } = self;
+        let PageCanvas { depth, is_near, .. } = self;
         for (splat, is_near) in splats.iter().zip(is_near) {
             let level = &levels[level_of(splat)];
-            if let Some(placed) = PlacedSplat::new::<PARALLEL>(level, splat) {
+            if let Some(placed) = SeenSplat::new::<PARALLEL>(level, splat) {
                 let together = TOGETHER * level.cell;
                 each_pixel::<PARALLEL>(level.size[0] as usize, &placed, |at, along, _| {
                     *is_near |= along <= depth[at] + together;
@@ -77,12 +77,12 @@ impl Canvas {
 
     /// Adds up what lies with them.
     fn blend<const PARALLEL: bool>(&mut self, splats: &[PackedSplat], levels: &[LevelView]) {
-        let Canvas { depth, is_near, sums, .. } = self;
+        let PageCanvas { depth, is_near, sums, .. } = self;
         for (splat, is_near) in splats.iter().zip(is_near).filter(|(_, is_near)| **is_near) {
             *is_near = false;
             let number = level_of(splat);
             let level = &levels[number];
-            if let Some(placed) = PlacedSplat::new::<PARALLEL>(level, splat) {
+            if let Some(placed) = SeenSplat::new::<PARALLEL>(level, splat) {
                 let together = TOGETHER * level.cell;
                 each_pixel::<PARALLEL>(level.size[0] as usize, &placed, |at, along, weight| {
                     if along <= depth[at] + together {
@@ -165,14 +165,10 @@ fn level_of(splat: &PackedSplat) -> usize {
 
 /// Calls for each pixel that a splat covers: which one, how far the splat is there, how much it counts.
 #[inline(always)]
-fn each_pixel<const PARALLEL: bool>(
-    width: usize,
-    splat: &PlacedSplat,
-    mut each: impl FnMut(usize, f32, f32),
-) {
+fn each_pixel<const PARALLEL: bool>(width: usize, splat: &SeenSplat, mut each: impl FnMut(usize, f32, f32)) {
     let [columns, rows] = [0, 1].map(|axis| splat.end[axis] - splat.first[axis]);
     let first = splat.first[1] * width + splat.first[0];
-    let edges = if splat.is_large() { Edges::new::<PARALLEL>(splat) } else { None };
+    let edges = if splat.is_large() { SplatEdges::new::<PARALLEL>(splat) } else { None };
     for row in 0..rows {
         let at = first + row * width;
         if let Some(edges) = &edges {

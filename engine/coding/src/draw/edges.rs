@@ -1,11 +1,10 @@
 //! Where a large splat ends, so that rows of pixels are filled without tests.
 
-use super::light::dot;
-use super::place::PlacedSplat;
-use super::view::{CELL_REACH, HALF_DIAGONAL};
+use super::place::SeenSplat;
+use super::view::{dot, CELL_REACH, HALF_DIAGONAL};
 
 /// What ends a splat, as rows of pixels meet it: an ellipse, and lines that the planes of cell, cuts and neighbours leave.
-pub(super) struct Edges {
+pub(super) struct SplatEdges {
     /// Coefficients of xx, xy, yy, x, y, 1: not above 0 inside.
     ellipse: [f32; 6],
     /// Coefficients of x, y, 1, and one divided by the first.
@@ -18,9 +17,9 @@ pub(super) struct Edges {
 /// Six sides of the cell, two cuts, three ends.
 const LINES_MAX: usize = 11;
 
-impl Edges {
+impl SplatEdges {
     /// Nothing if an ellipse is none, since its plane is almost seen from its edge.
-    pub fn new<const PARALLEL: bool>(splat: &PlacedSplat) -> Option<Edges> {
+    pub fn new<const PARALLEL: bool>(splat: &SeenSplat) -> Option<SplatEdges> {
         // 1/t, of which all is a multiple.
         let one = if PARALLEL { [0.0, 0.0, 1.0] } else { [splat.slope[0], splat.slope[1], splat.s] };
         let square = HALF_DIAGONAL * HALF_DIAGONAL;
@@ -38,7 +37,7 @@ impl Edges {
         }
         let columns = (splat.end[0] - splat.first[0]) as f32;
         let mut edges =
-            Edges { ellipse, lines: [[0.0; 4]; LINES_MAX], count: 0, start: splat.start, columns };
+            SplatEdges { ellipse, lines: [[0.0; 4]; LINES_MAX], count: 0, start: splat.start, columns };
         let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for (axis, moved) in axes.iter().zip(&splat.moved) {
             edges.add(splat, one, *axis, CELL_REACH - moved);
@@ -55,7 +54,7 @@ impl Edges {
 
     /// What is left where normal · place ≤ d.
     #[inline(always)]
-    fn add(&mut self, splat: &PlacedSplat, one: [f32; 3], normal: [f32; 3], d: f32) {
+    fn add(&mut self, splat: &SeenSplat, one: [f32; 3], normal: [f32; 3], d: f32) {
         let x = dot(normal, splat.across) - d * one[0];
         let y = dot(normal, splat.down) - d * one[1];
         self.lines[self.count] = [x, y, -d * one[2], 1.0 / x];

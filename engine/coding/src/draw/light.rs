@@ -1,6 +1,6 @@
 //! What light makes of a normal: the lamps of the program's pictures.
 
-use super::view::{DrawStyle, DrawView};
+use super::view::{dot, DrawStyle, DrawView};
 
 const KEY: [f32; 3] = [-0.55, 0.65, 0.55];
 const FILL: [f32; 3] = [0.8, -0.1, 0.5];
@@ -14,11 +14,6 @@ const INNER: [f32; 3] = [206.0, 148.0, 96.0];
 /// Of the root's level and of the deepest.
 const COARSE: [f32; 3] = [220.0, 120.0, 70.0];
 const FINE: [f32; 3] = [70.0, 130.0, 200.0];
-
-#[inline(always)]
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
 
 pub(super) fn unit(a: [f32; 3]) -> [f32; 3] {
     let length = dot(a, a).sqrt();

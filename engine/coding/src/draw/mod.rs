@@ -21,7 +21,7 @@ mod place;
 mod survey;
 mod view;
 
-pub use canvas::Canvas;
+pub use canvas::PageCanvas;
 pub use packed::{packed_splats, PackedSplat};
 pub use survey::{seen_nodes, units_to_refine};
 pub use view::{DrawStyle, DrawView};

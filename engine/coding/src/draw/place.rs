@@ -1,8 +1,7 @@
 //! One splat in the picture.
 
-use super::light::dot;
 use super::packed::PackedSplat;
-use super::view::{LevelView, CELL_REACH, HALF_DIAGONAL};
+use super::view::{dot, LevelView, CELL_REACH, HALF_DIAGONAL};
 
 /// A plane seen from its edge, by the cosine: it covers nothing.
 const EDGE_ON: f32 = 1e-6;
@@ -11,7 +10,7 @@ const NEAREST: f32 = 1e-3;
 
 /// A splat that is seen. x and y are pixels to the right and down from where its middle is seen; places are in cells from its
 /// middle, along the axes of the world.
-pub(super) struct PlacedSplat {
+pub(super) struct SeenSplat {
     /// First column and row, and those behind the last.
     pub first: [usize; 2],
     pub end: [usize; 2],
@@ -44,10 +43,10 @@ fn plane(packed: u32) -> ([f32; 3], f32) {
     ([x * per, y * per, z * per], w / 16.0)
 }
 
-impl PlacedSplat {
+impl SeenSplat {
     /// Nothing if the splat faces away, or is beside the picture.
     #[inline(always)]
-    pub fn new<const PARALLEL: bool>(view: &LevelView, splat: &PackedSplat) -> Option<PlacedSplat> {
+    pub fn new<const PARALLEL: bool>(view: &LevelView, splat: &PackedSplat) -> Option<SeenSplat> {
         if PARALLEL && view.highest.is_none() {
             let raw = splat[2].to_le_bytes().map(|byte| f32::from(byte as i8));
             if dot([raw[0], raw[1], raw[2]], view.axes[2]) <= 0.0 {
@@ -76,7 +75,7 @@ impl PlacedSplat {
             return None;
         }
         let [low, high] = if PARALLEL { parallel_box(view, n, m, c) } else { perspective_box(view, m)? };
-        let mut placed = PlacedSplat {
+        let mut placed = SeenSplat {
             first: [0; 2],
             end: [0; 2],
             normal,

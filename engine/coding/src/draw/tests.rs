@@ -43,7 +43,7 @@ fn view(distance: f64) -> DrawView {
 }
 
 fn drawn(splats: &[PackedSplat], view: &DrawView) -> Vec<[u8; 4]> {
-    let mut canvas = Canvas::default();
+    let mut canvas = PageCanvas::default();
     // What an earlier, larger picture left does no harm.
     canvas.draw(splats, &DrawView { size: [130, 130], ..view.clone() });
     canvas.draw(splats, view);

@@ -1,7 +1,5 @@
 //! Where the eye is.
 
-use super::light::dot;
-
 /// What colours tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DrawStyle {
@@ -100,4 +98,9 @@ impl LevelView {
     pub fn seen(&self, of: [f32; 3]) -> [f32; 3] {
         self.axes.map(|axis| dot(axis, of))
     }
+}
+
+#[inline(always)]
+pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

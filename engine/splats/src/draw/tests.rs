@@ -179,7 +179,7 @@ fn pictures_are_those_of_every_splat_in_every_pixel() {
 
 #[test]
 fn what_a_page_draws_is_what_the_program_draws() {
-    use brickfield_coding::draw::{Canvas, DrawStyle, DrawView, packed_splats};
+    use brickfield_coding::draw::{DrawStyle, DrawView, PageCanvas, packed_splats};
     let torus = include_bytes!("../../golden/v1/torus.bsp").as_slice();
     let block = include_bytes!("../../../../fuzz/seeds/bsp/box.bsp").as_slice();
     for (bytes, opening, at) in [
@@ -210,7 +210,7 @@ fn what_a_page_draws_is_what_the_program_draws() {
         let expected = draw(&SplatScene::of_tree(&tree, Some(header.deepest)), &options, &Silent).unwrap();
         let mut splats = Vec::new();
         packed_splats(&tree, level, |_, _| true, &mut splats);
-        let mut canvas = Canvas::default();
+        let mut canvas = PageCanvas::default();
         canvas.draw(
             &splats,
             &DrawView {

@@ -466,7 +466,9 @@ fn torus_of_few_splats() {
 
 #[test]
 fn a_page_gets_the_whole_picture_from_what_is_in_view() {
-    use brickfield_coding::draw::{Canvas, DrawStyle, DrawView, packed_splats, seen_nodes, units_to_refine};
+    use brickfield_coding::draw::{
+        DrawStyle, DrawView, PageCanvas, packed_splats, seen_nodes, units_to_refine,
+    };
     let (bytes, _) = written(&levels(&tree(torus, 3), None));
     let mut tree = SplatTree::open(&bytes).unwrap();
     let head = tree.pieces().clone();
@@ -487,7 +489,7 @@ fn a_page_gets_the_whole_picture_from_what_is_in_view() {
         style: DrawStyle::Light,
         deepest,
     };
-    let (mut loaded, mut canvas, mut splats) = (vec![false; units], Canvas::default(), Vec::new());
+    let (mut loaded, mut canvas, mut splats) = (vec![false; units], PageCanvas::default(), Vec::new());
     let mut draw = |tree: &SplatTree, loaded: &[bool]| {
         let has_below = |key: u64, level: u32| {
             level < u32::from(tree.header().head) || tree.unit_of(key).is_some_and(|unit| loaded[unit])
