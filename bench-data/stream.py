@@ -140,9 +140,29 @@ def zoom(args):
                     options = ["--focus=" + ",".join(map(repr, [*centre, browser.value("brickfield.view.height")]))]
                     db = decibels(luminance(browser.value("brickfield.picture()")), drawn(args, args.zoom, (-45, 35), options))
                     require(f"{drawer}: close at place {n + 1}: {state['count']} splats, {state['received']} bytes, {db:.1f} dB", db > 30 and state["count"] < 8e6, state)
+                count = state["count"]
+                browser.value("{ const slider = document.getElementById('level'); slider.value = 2; slider.dispatchEvent(new Event('change')) }")
+                state = browser.settled(f"state.count < {count} && state.level === 2")
+                browser.value("brickfield.view.azimuth += 20; brickfield.draw()")
+                time.sleep(2)
+                later = browser.settled("true")
+                require(f"{drawer}: a coarser level stays", later["count"] == state["count"] and later["level"] == 2, later)
+                browser.value("{ const slider = document.getElementById('level'); slider.value = 4; slider.dispatchEvent(new Event('change')) }")
+                state = browser.settled("state.refined && state.level === 4")
+                require(f"{drawer}: and a finer one refines again", state["count"] > later["count"], state)
                 require(f"{drawer}: the console is empty", browser.said()[0] == [], browser.said())
             finally:
                 browser.close()
+
+
+def without_ranges(args):
+    """A server that knows no ranges is asked for the file once, whatever is looked at."""
+    with Visit(args, args.folder, ranges=False) as (browser, server):
+        state = browser.settled()
+        browser.value("brickfield.view.height /= 12; brickfield.draw()")
+        time.sleep(2)
+        later = browser.settled("true")
+        require("without ranges nothing is read twice", later["received"] == state["received"] and serve.Handler.requests == 2, later)
 
 
 def measure(args):
@@ -327,6 +347,7 @@ def main():
         finished(args)
     elif args.zoom:
         zoom(args)
+        without_ranges(args)
     elif args.faults:
         faults(args)
     else:

@@ -5,7 +5,7 @@
 
 use brickfield_coding::bsp::{Header, SplatTree, ENTRY_BYTES, HEADER_BYTES};
 use brickfield_coding::draw::{
-    packed_splats, seen_nodes, units_to_refine, PageCanvas, DrawStyle, DrawView, PackedSplat,
+    packed_splats, seen_nodes, units_to_refine, DrawStyle, DrawView, PackedSplat, PageCanvas,
 };
 use std::cell::RefCell;
 
@@ -200,7 +200,7 @@ pub extern "C" fn found() -> usize {
 }
 
 /// Makes room for a unit where all splats of units together may be so many, by forgetting what was not seen for longest of units that
-/// refine nodes of a level or deeper: 1 if there is room.
+/// refine nodes of a level or deeper: how many splats it has if there is room, else 0.
 #[no_mangle]
 pub extern "C" fn room(number: usize, most: f64, level: u32) -> u32 {
     STATE.with(|state| {
@@ -228,7 +228,7 @@ pub extern "C" fn room(number: usize, most: f64, level: u32) -> u32 {
                 None => return 0,
             }
         }
-        1
+        tree.entries()[number].splats
     })
 }
 

@@ -102,7 +102,7 @@ function use_graphics(forced) {
   if (!made) return forced;
   drawer = made;
   state.drawer = made.name;
-  state.done = false;
+  state.done = awaited = again = false;
   made.surface.addEventListener("webglcontextlost", () => {
     drawer = null;
     state.drawer = "processor";
@@ -164,7 +164,7 @@ function tell() {
   if (state.error || !part) return;
   const size = part.high.map((c, a) => (c - part.low[a]).toFixed(2)).join(" × ");
   const picked = state.picked ? "\n" + state.picked.text : "";
-  const finer = state.done && state.level < part.deepest ? ", finer in view" : "";
+  const finer = state.finer ? ", finer in view" : "";
   say(state.count.toLocaleString("en") + " splats, level " + state.level + " of " + part.deepest + finer + "; " + size + " " + part.unit + megabytes() + picked);
 }
 // What the worker says.
@@ -188,13 +188,13 @@ function take({ data: told }) {
   if (told.count !== undefined) show(told);
   tell();
 }
-function show({ level, whole, count, last, refined, received, milliseconds, at, ...packed }) {
+function show({ level, whole, count, last, refined, finer, received, milliseconds, at, ...packed }) {
   if (drawer && packed.places && !drawer.take({ count, ...packed })) {
     state.done = true;
     worker.postMessage({ stop: true, drawn: true });
     return say("this browser holds no more than level " + state.level);
   }
-  Object.assign(state, { level, count, milliseconds, refined });
+  Object.assign(state, { level, count, milliseconds, refined, finer });
   news = { level, whole, count, received, decoded: at - performance.timeOrigin, refined, last: last && (!drawer || Boolean(packed.places)) };
   // The worker draws what is new by itself.
   if (drawer) redraw();

@@ -88,8 +88,8 @@ let directory = [], next = 0, whole = 0, wanted = 0, count = 0, units = 0, ends 
 // What the page looks at and whether it draws itself; the level that was given, that of the splats which are laid out; splats of each
 // level, and the last one of the head.
 let look = null, arrays = false, shown_level = -1, laid = -1, splats_of = [], head_level = 0, deepest = 0;
-// Whether all that is in view is as fine as it gets, and how often the page looked elsewhere.
-let refined = false, looks = 0;
+// Whether all that is in view is as fine as it gets, how often the page looked elsewhere, and whether a coarser level was asked for.
+let refined = false, looks = 0, limited = false;
 
 const put = (...parts) => put_into(e, ...parts);
 function put_into(program, ...parts) {
@@ -126,7 +126,7 @@ function give(level) {
   lay(shown_level = level);
   shown = !arrays;
   given = performance.now();
-  const told = { level: Math.min(level, whole), whole, count, last: whole >= wanted, refined: refined || whole >= deepest, received: source.received, milliseconds: given - began, at: performance.timeOrigin + given };
+  const told = { level: Math.min(level, whole), whole, count, last: whole >= wanted, refined: refined || whole >= deepest, finer: level > whole, received: source.received, milliseconds: given - began, at: performance.timeOrigin + given };
   if (arrays) {
     const packed = textures();
     return postMessage({ ...told, ...packed }, [packed.places.buffer, packed.others.buffer]);
@@ -219,10 +219,10 @@ async function know(more) {
   if (!e.entries()) throw Error("its directory is damaged");
   learn(bytes);
 }
-// Reads what refines the picture that the page looks at, the most urgent first.
+// Reads what refines the picture that the page looks at, the most urgent first. A server without ranges would send all of it for each.
 async function refine() {
   const most = HEAD + ENTRY * units > DIRECTORY ? 0 : units;
-  while (wanted < deepest && look && !look.moving && !stopped && !refined) {
+  while (wanted < deepest && source.ranges && !limited && look && !look.moving && !stopped && !refined) {
     if (directory.length < most) await know(most);
     const of = looks, found = survey();
     let read = 0;
@@ -245,9 +245,11 @@ function survey() {
   numbers[18] *= SMALLER;
   put(new Uint8Array(numbers.buffer));
   const length = e.survey(count, 1 / SMALLER), found = new Uint32Array(e.memory.buffer, e.found(), length).slice(), chosen = [], runs = [];
-  let bytes = 0;
+  let bytes = 0, most = arrays ? VIEWED.graphics : VIEWED.processor;
   for (const unit of found) {
-    if (bytes > PORTION || !e.room(unit, arrays ? VIEWED.graphics : VIEWED.processor, wanted)) break;
+    const splats = bytes > PORTION ? 0 : e.room(unit, most, wanted);
+    if (!splats) break;
+    most -= splats;
     bytes += ends[unit + 1] - ends[unit];
     chosen.push(unit);
   }
@@ -429,8 +431,10 @@ onmessage = async ({ data }) => {
     pick(data.pick);
   }
   if (data.level !== undefined && ready) {
-    if (data.level <= whole) return give(data.level);
-    wanted = data.level;
-    run();
+    limited = data.level < whole;
+    if (data.level <= whole) give(data.level);
+    else wanted = data.level;
+    refined = false;
+    if (!limited) run();
   }
 };
