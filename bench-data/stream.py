@@ -16,6 +16,7 @@ table of beads as well; it fails unless the page does what it should. Needs Pill
 
 import argparse
 import base64
+import contextlib
 import io
 import json
 import os
@@ -38,17 +39,16 @@ def views(count):
     return [(360 * n / count - 180, (-20, 15, 35, 60)[n % 4]) for n in range(count)]
 
 
+def choose(browser, level):
+    browser.value(f"document.getElementById('level').value = {level}; document.getElementById('level').dispatchEvent(new Event('change'))")
+
+
 def picture(browser, level):
     """The picture of a level as luminance."""
-    import numpy
-    from PIL import Image
-
     count = browser.value("brickfield.state.log.length")
-    browser.value(f"document.getElementById('level').value = {level}; document.getElementById('level').dispatchEvent(new Event('change'))")
+    choose(browser, level)
     browser.settled(f"state.log.length > {count} && state.done")
-    data = browser.value("brickfield.picture()").split(",")[1]
-    pixels = numpy.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")).astype(float)
-    return pixels @ numpy.array([0.299, 0.587, 0.114])
+    return luminance(seen_file(browser.value("brickfield.picture()")))
 
 
 def decibels(picture, whole):
@@ -58,101 +58,100 @@ def decibels(picture, whole):
     return 99.0 if error == 0 else float(10 * numpy.log10(255**2 / error))
 
 
-def look(args, address, view):
-    """One cold visit: what was seen when."""
+def served(args, rate, delay):
+    """The address of a server of the folder."""
+    server = serve.started(args.folder, 0, delay, rate, not args.no_ranges)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    return f"http://127.0.0.1:{server.server_address[1]}/"
+
+
+@contextlib.contextmanager
+def visited(args, address):
+    """A browser without a cache that opens a page."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         browser = Browser(args.chromium, profile)
         try:
-            width, height = map(int, args.size.split("x"))
-            browser.visit(f"{address}#{view[0]},{view[1]}", width, height)
-            state = browser.settled()
-            if state["error"]:
-                sys.exit("the page says: " + state["error"])
-            log = list({seen["level"]: seen for seen in reversed(state["log"]) if seen["whole"] >= seen["level"]}.values())[::-1]
-            pictures = [picture(browser, seen["level"]) for seen in log]
-            console, _ = browser.said()
-            if console:
-                sys.exit(f"the page wrote to the console: {console}")
-            return [(seen, decibels(pixels, pictures[-1])) for seen, pixels in zip(log, pictures)]
+            browser.visit(address, *map(int, args.size.split("x")))
+            yield browser
         finally:
             browser.close()
 
 
+def look(args, address, view):
+    """One cold visit: what was seen when."""
+    with visited(args, f"{address}#{view[0]},{view[1]}") as browser:
+        state = browser.settled()
+        if state["error"]:
+            sys.exit("the page says: " + state["error"])
+        log = list({seen["level"]: seen for seen in reversed(state["log"]) if seen["whole"] >= seen["level"]}.values())[::-1]
+        pictures = [picture(browser, seen["level"]) for seen in log]
+        console, _ = browser.said()
+        if console:
+            sys.exit(f"the page wrote to the console: {console}")
+        return [(seen, decibels(pixels, pictures[-1])) for seen, pixels in zip(log, pictures)]
+
+
 def drawn(args, program, view, options=()):
     """The picture of the whole file that the program draws, as luminance."""
-    import numpy
-    from PIL import Image
-
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "view.png")
         part = os.path.join(args.folder, "part.bsp")
         subprocess.run([program, "render", part, "--splats", f"--view={view[0]},{view[1]}", "--size", args.size, "--supersample", "1", "--quiet", *options, "-o", out], check=True)
-        return numpy.asarray(Image.open(out).convert("RGB")).astype(float) @ numpy.array([0.299, 0.587, 0.114])
+        return luminance(out)
 
 
-def luminance(address):
+def luminance(file):
     import numpy
     from PIL import Image
 
-    pixels = numpy.asarray(Image.open(io.BytesIO(base64.b64decode(address.split(",")[1]))).convert("RGB")).astype(float)
-    return pixels @ numpy.array([0.299, 0.587, 0.114])
+    return numpy.asarray(Image.open(file).convert("RGB")).astype(float) @ numpy.array([0.299, 0.587, 0.114])
+
+
+def seen_file(address):
+    """The file of a picture that a page gave as an address."""
+    return io.BytesIO(base64.b64decode(address.split(",")[1]))
 
 
 def finished(args):
     """What is seen when, of the picture that the program draws of all."""
-    server = serve.started(args.folder, 0, args.delay, args.rate, not args.no_ranges)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    address = f"http://127.0.0.1:{server.server_address[1]}/"
+    address = served(args, args.rate, args.delay)
     for view in views(args.views):
         whole = drawn(args, args.finished, view)
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-            browser = Browser(args.chromium, profile)
-            try:
-                width, height = map(int, args.size.split("x"))
-                browser.visit(f"{address}?keep&draw=processor#{view[0]},{view[1]}", width, height)
-                state = browser.settled("state.refined")
-            finally:
-                browser.close()
-        seen = [[round(s["seen"]), s["received"], s["count"], round(decibels(luminance(s["picture"]), whole), 1)] for s in state["log"]]
+        with visited(args, f"{address}?keep&draw=processor#{view[0]},{view[1]}") as browser:
+            state = browser.settled("state.refined")
+        seen = [[round(s["seen"]), s["received"], s["count"], round(decibels(luminance(seen_file(s["picture"])), whole), 1)] for s in state["log"]]
         print(json.dumps({"view": view, "seen": seen}), flush=True)
 
 
 def zoom(args):
     """Looks close at one place, then at another."""
-    server = serve.started(args.folder, 0, 0.0, 0.0, not args.no_ranges)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    size = os.path.getsize(os.path.join(args.folder, "part.bsp"))
+    width, height = map(int, args.size.split("x"))
+    address, size = served(args, 0.0, 0.0), os.path.getsize(os.path.join(args.folder, "part.bsp"))
     for drawer in ["processor", "webgl"]:
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-            browser = Browser(args.chromium, profile)
-            try:
-                width, height = map(int, args.size.split("x"))
-                browser.visit(f"http://127.0.0.1:{server.server_address[1]}/?draw={drawer}#-45,35", width, height)
+        with visited(args, f"{address}?draw={drawer}#-45,35") as browser:
+            state = browser.settled("state.refined")
+            require(f"{drawer}: the part from afar", state["drawer"] == drawer and state["received"] < size, state)
+            for n, (x, y) in enumerate([(0.5, 0.5), (0.4, 0.55), (0.6, 0.45)]):
+                browser.value(f"brickfield.fit(); brickfield.pick({x * width}, {y * height})")
+                browser.settled("state.picked && state.picked.place")
+                browser.value("{ const { view, state } = brickfield; view.centre = state.picked.place; view.height /= 12; state.picked = null; brickfield.draw() }")
+                time.sleep(1)
                 state = browser.settled("state.refined")
-                require(f"{drawer}: the part from afar", state["drawer"] == drawer and state["received"] < size, state)
-                for n, (x, y) in enumerate([(0.5, 0.5), (0.4, 0.55), (0.6, 0.45)]):
-                    browser.value(f"brickfield.fit(); brickfield.pick({x * width}, {y * height})")
-                    browser.settled("state.picked && state.picked.place")
-                    browser.value("{ const { view, state } = brickfield; view.centre = state.picked.place; view.height /= 12; state.picked = null; brickfield.draw() }")
-                    time.sleep(1)
-                    state = browser.settled("state.refined")
-                    centre = json.loads(browser.value("JSON.stringify(brickfield.at(brickfield.view.centre))"))
-                    options = ["--focus=" + ",".join(map(repr, [*centre, browser.value("brickfield.view.height")]))]
-                    db = decibels(luminance(browser.value("brickfield.picture()")), drawn(args, args.zoom, (-45, 35), options))
-                    require(f"{drawer}: close at place {n + 1}: {state['count']} splats, {state['received']} bytes, {db:.1f} dB", db > 30 and state["count"] < 8e6, state)
-                count = state["count"]
-                browser.value("{ const slider = document.getElementById('level'); slider.value = 2; slider.dispatchEvent(new Event('change')) }")
-                state = browser.settled(f"state.count < {count} && state.level === 2")
-                browser.value("brickfield.view.azimuth += 20; brickfield.draw()")
-                time.sleep(2)
-                later = browser.settled("true")
-                require(f"{drawer}: a coarser level stays", later["count"] == state["count"] and later["level"] == 2, later)
-                browser.value("{ const slider = document.getElementById('level'); slider.value = 4; slider.dispatchEvent(new Event('change')) }")
-                state = browser.settled("state.refined && state.level === 4")
-                require(f"{drawer}: and a finer one refines again", state["count"] > later["count"], state)
-                require(f"{drawer}: the console is empty", browser.said()[0] == [], browser.said())
-            finally:
-                browser.close()
+                centre = json.loads(browser.value("JSON.stringify(brickfield.at(brickfield.view.centre))"))
+                options = ["--focus=" + ",".join(map(repr, [*centre, browser.value("brickfield.view.height")]))]
+                db = decibels(luminance(seen_file(browser.value("brickfield.picture()"))), drawn(args, args.zoom, (-45, 35), options))
+                require(f"{drawer}: close at place {n + 1}: {state['count']} splats, {state['received']} bytes, {db:.1f} dB", db > 30 and state["count"] < 8e6, state)
+            count = state["count"]
+            choose(browser, 2)
+            state = browser.settled(f"state.count < {count} && state.level === 2")
+            browser.value("brickfield.view.azimuth += 20; brickfield.draw()")
+            time.sleep(2)
+            later = browser.settled("true")
+            require(f"{drawer}: a coarser level stays", later["count"] == state["count"] and later["level"] == 2, later)
+            choose(browser, 4)
+            state = browser.settled("state.refined && state.level === 4")
+            require(f"{drawer}: and a finer one refines again", state["count"] > later["count"], state)
+            require(f"{drawer}: the console is empty", browser.said()[0] == [], browser.said())
 
 
 def without_ranges(args):
@@ -166,9 +165,7 @@ def without_ranges(args):
 
 
 def measure(args):
-    server = serve.started(args.folder, 0, args.delay, args.rate, not args.no_ranges)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    address = f"http://127.0.0.1:{server.server_address[1]}/"
+    address = served(args, args.rate, args.delay)
     rows, reached, there = [], {goal: [] for goal in GOALS}, {goal: [] for goal in GOALS}
     for view in views(args.views):
         seen = look(args, address, view)

@@ -46,6 +46,13 @@ impl State {
     fn know(&mut self) {
         self.units.resize(self.tree.as_ref().map_or(0, |tree| tree.entries().len()), Unit::default());
     }
+
+    /// Draws the output from the view in the input; nothing if it is none.
+    fn draw(&mut self) -> Option<DrawView> {
+        let view = view_of(&numbers(&self.input))?;
+        self.canvas.draw(&self.output, &view);
+        Some(view)
+    }
 }
 
 /// Room for so many bytes; where it is.
@@ -143,19 +150,10 @@ pub extern "C" fn output() -> usize {
 /// Numbers of a view in the input, as [`view_of`] reads them.
 const VIEW_NUMBERS: usize = 25;
 
-/// Draws the first splats of the output from the view in the input, of 25 numbers of eight bytes: 1 if the view is one.
+/// Draws the splats of the output from the view in the input, of 25 numbers of eight bytes: 1 if the view is one.
 #[no_mangle]
-pub extern "C" fn draw(count: usize) -> u32 {
-    STATE.with(|state| {
-        let State { input, output, canvas, .. } = &mut *state.borrow_mut();
-        match view_of(&numbers(input)) {
-            Some(view) => {
-                canvas.draw(&output[..count.min(output.len())], &view);
-                1
-            }
-            None => 0,
-        }
-    })
+pub extern "C" fn draw() -> u32 {
+    STATE.with(|state| u32::from(state.borrow_mut().draw().is_some()))
 }
 
 /// Where the pixels are: red, green, blue, 255; rows from the top.
@@ -164,19 +162,18 @@ pub extern "C" fn pixels() -> usize {
     STATE.with(|state| state.borrow().canvas.pixels().as_ptr() as usize)
 }
 
-/// Draws the first splats of the output from the view in the input, as [`draw`] does, and finds the units that refine what is seen
+/// Draws the splats of the output from the view in the input, as [`draw`] does, and finds the units that refine what is seen
 /// in it and larger than `limit` pixels: how many they are.
 #[no_mangle]
-pub extern "C" fn survey(count: usize, limit: f64) -> usize {
-    if draw(count) == 0 {
-        return 0;
-    }
+pub extern "C" fn survey(limit: f64) -> usize {
     STATE.with(|state| {
-        let State { input, output, canvas, tree, units, surveys, found, .. } = &mut *state.borrow_mut();
+        let state = &mut *state.borrow_mut();
+        let drawn = state.draw();
+        let State { output, canvas, tree, units, surveys, found, .. } = state;
         found.clear();
-        if let (Some(tree), Some(view)) = (tree, view_of(&numbers(input))) {
+        if let (Some(tree), Some(view)) = (tree, drawn) {
             *surveys += 1;
-            let seen = seen_nodes(&output[..count.min(output.len())], canvas.seen());
+            let seen = seen_nodes(output, canvas.seen());
             for (key, _) in &seen {
                 // What a node shows it has from the units of all nodes above it.
                 let mut above = key >> 3;
@@ -241,7 +238,7 @@ fn numbers(input: &[u8]) -> Vec<f64> {
     each.collect()
 }
 
-/// Columns, rows; origin, edge; right, up, towards; centre, pixel, distance; style, deepest level, whether it is cut; where.
+/// Columns, rows; origin, edge; right, up, towards; centre, pixel, distance; style, deepest level; where it is cut.
 fn view_of(numbers: &[f64]) -> Option<DrawView> {
     if numbers.len() != VIEW_NUMBERS {
         return None;

@@ -19,14 +19,9 @@ class Here {
 
 // A file on a server. One that knows no ranges sends all of it, from the beginning: that answer is read on as long as places go up.
 class There {
-  constructor(address, ahead) { Object.assign(this, { address, ahead, received: 0, ranges: true, patient: false, tag: null, size: null, answer: null, begin: null }) }
+  constructor(address, ahead) { Object.assign(this, { address, ahead, received: 0, ranges: true, patient: false, tag: null, size: null, answer: null }) }
   stop() { this.abort?.abort(); this.answer = null }
   async *read(from, to) {
-    if (this.begin && from < this.begin.length) {
-      const piece = this.begin.subarray(from, to);
-      from += piece.length;
-      yield piece;
-    }
     for (let tries = 0; from < Math.min(to, this.size ?? to);) {
       try {
         for await (const bytes of this.some(from, to)) { from += bytes.length; tries = 0; yield bytes }
@@ -142,7 +137,7 @@ function paint() {
   lay(level);
   const [width, height] = look.look;
   put(new Uint8Array(look.look.buffer));
-  if (!e.draw(count)) return;
+  if (!e.draw()) return;
   const pixels = new Uint8Array(e.memory.buffer, e.pixels(), width * height * 4).slice();
   postMessage({ pixels: pixels.buffer, width, height, turn: look.turn }, [pixels.buffer]);
 }
@@ -244,7 +239,7 @@ function survey() {
   [0, 1].forEach((a) => { numbers[a] = Math.max(1, Math.ceil(numbers[a] / SMALLER)) });
   numbers[18] *= SMALLER;
   put(new Uint8Array(numbers.buffer));
-  const length = e.survey(count, 1 / SMALLER), found = new Uint32Array(e.memory.buffer, e.found(), length).slice(), chosen = [], runs = [];
+  const length = e.survey(1 / SMALLER), found = new Uint32Array(e.memory.buffer, e.found(), length).slice(), chosen = [], runs = [];
   let bytes = 0, most = arrays ? VIEWED.graphics : VIEWED.processor;
   for (const unit of found) {
     const splats = bytes > PORTION ? 0 : e.room(unit, most, wanted);
@@ -282,7 +277,7 @@ async function decode(last) {
       next++;
       // Others want to be heard, and to see what is there.
       if (performance.now() - paused > HEARD) {
-        await new Promise((go) => setTimeout(go));
+        await heard();
         paused = performance.now();
         if (stopped) return;
         postMessage({ received: source.received });
@@ -372,17 +367,16 @@ function tell(best, edge, middle) {
   });
 }
 async function open_picks() {
-  const first = await bytesOf(0, FIRST, picks);
+  const first = await bytesOf(0, PICKS_HEAD, picks);
   // Without ranges all of it comes at once.
   if (!picks.ranges) picks = new Here(joined([first, await bytesOf(first.length, picks.size ?? Infinity, picks)]));
-  picks.begin = first;
   if (first.length < PICKS_HEAD) throw Error("it ends within its header");
   const view = new DataView(first.buffer, first.byteOffset, first.length);
   const end = PICKS_HEAD + view.getUint32(68, true) + PICKS_BLOCK * view.getUint32(72, true);
   if (view.getUint32(0) !== 0x8942504b || (picks.size && end > picks.size)) throw Error("it is no table of beads");
-  const bytes = await bytesOf(0, end, picks);
+  const bytes = await bytesOf(PICKS_HEAD, end, picks);
   p ||= (await WebAssembly.instantiate(await unpacked(picks_program), {})).instance.exports;
-  put_into(p, bytes);
+  put_into(p, first, bytes);
   const opened = p.open(part_crc);
   if (opened !== 1) throw Error(opened ? "it belongs to another part" : "it is damaged");
   picks_ready = true;

@@ -6,7 +6,7 @@ pub mod draw;
 pub mod ellipses;
 pub mod splats;
 
-use brickfield_coding::{bsp, picks, range};
+use brickfield_coding::{bsp, draw as page_draw, picks, range};
 use brickfield_core::{error, lattice, part, progress, schedule, wide};
 use brickfield_gpu::gpu;
 use brickfield_octree::{brick, store};

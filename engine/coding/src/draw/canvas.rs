@@ -1,17 +1,14 @@
 //! Pixels while they are drawn.
 
 use super::edges::SplatEdges;
+use super::holes::each_hole;
 use super::light::Lamps;
 use super::packed::PackedSplat;
 use super::place::SeenSplat;
-use super::view::{DrawView, LevelView, TOGETHER};
+use super::view::{DrawView, LevelView, REACH, TOGETHER};
 
 /// Levels that a splat may have.
 const LEVELS: usize = 32;
-/// Places around a pixel, each before the one on its other side.
-const AROUND: [[isize; 2]; 8] = [[-1, 0], [1, 0], [0, -1], [0, 1], [-1, -1], [1, 1], [-1, 1], [1, -1]];
-/// So many of them are covered around a hole, at least.
-const COVERED_MIN: usize = 6;
 const BACKGROUND: [u8; 4] = [255; 4];
 
 /// A picture and what it is made of, which one picture leaves to the next.
@@ -66,7 +63,7 @@ impl PageCanvas {
         for (splat, is_near) in splats.iter().zip(is_near) {
             let level = &levels[level_of(splat)];
             if let Some(placed) = SeenSplat::new::<PARALLEL>(level, splat) {
-                let together = TOGETHER * level.cell;
+                let together = TOGETHER * REACH * level.cell;
                 each_pixel::<PARALLEL>(level.size[0] as usize, &placed, |at, along, _| {
                     *is_near |= along <= depth[at] + together;
                     depth[at] = depth[at].min(along);
@@ -83,7 +80,7 @@ impl PageCanvas {
             let number = level_of(splat);
             let level = &levels[number];
             if let Some(placed) = SeenSplat::new::<PARALLEL>(level, splat) {
-                let together = TOGETHER * level.cell;
+                let together = TOGETHER * REACH * level.cell;
                 each_pixel::<PARALLEL>(level.size[0] as usize, &placed, |at, along, weight| {
                     if along <= depth[at] + together {
                         *is_near = true;
@@ -121,40 +118,27 @@ impl PageCanvas {
                 self.pixels[at] = lamps.pixel([nx, ny, nz], levels, along);
             }
         }
-        self.fill_holes(width, height);
+        self.fill_holes(view.size);
     }
 
-    /// Gives single pixels that no splat covers, although splats are all around them, the mean colour of these; a slit that is empty
-    /// on two opposite sides stays.
-    fn fill_holes(&mut self, width: usize, height: usize) {
-        let is_empty = |at: usize| self.depth[at] == f32::INFINITY;
+    /// Gives holes the mean colour of what is around them.
+    fn fill_holes(&mut self, size: [usize; 2]) {
+        let PageCanvas { depth, pixels, .. } = self;
         let mut filled = Vec::new();
-        for row in 1..height.saturating_sub(1) {
-            for column in 1..width.saturating_sub(1) {
-                let at = row * width + column;
-                // Most of what is empty lies beside the part.
-                if !is_empty(at) || (is_empty(at - 1) && is_empty(at + 1)) {
-                    continue;
-                }
-                let around = AROUND.map(|[x, y]| (at as isize + y * width as isize + x) as usize);
-                let is_slit = around.chunks_exact(2).any(|pair| pair.iter().all(|&at| is_empty(at)));
-                let covered = around.iter().filter(|&&at| !is_empty(at)).count();
-                if is_slit || covered < COVERED_MIN {
-                    continue;
-                }
+        each_hole(
+            size,
+            |at| depth[at] == f32::INFINITY,
+            |at, covered| {
+                let count = covered.len();
                 let mut colour = [255; 4];
                 for (c, mean) in colour.iter_mut().enumerate() {
-                    let sum: usize = around
-                        .iter()
-                        .filter(|&&at| !is_empty(at))
-                        .map(|&at| usize::from(self.pixels[at][c]))
-                        .sum();
-                    *mean = ((sum + covered / 2) / covered) as u8;
+                    let sum: usize = covered.iter().map(|&at| usize::from(pixels[at][c])).sum();
+                    *mean = ((sum + count / 2) / count) as u8;
                 }
                 filled.push((at, colour));
-            }
-        }
-        filled.into_iter().for_each(|(at, colour)| self.pixels[at] = colour);
+            },
+        );
+        filled.into_iter().for_each(|(at, colour)| pixels[at] = colour);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Where a large splat ends, so that rows of pixels are filled without tests.
 
 use super::place::SeenSplat;
-use super::view::{dot, CELL_REACH, HALF_DIAGONAL};
+use super::view::{dot, RADIUS, REACH};
 
 /// What ends a splat, as rows of pixels meet it: an ellipse, and lines that the planes of cell, cuts and neighbours leave.
 pub(super) struct SplatEdges {
@@ -22,7 +22,7 @@ impl SplatEdges {
     pub fn new<const PARALLEL: bool>(splat: &SeenSplat) -> Option<SplatEdges> {
         // 1/t, of which all is a multiple.
         let one = if PARALLEL { [0.0, 0.0, 1.0] } else { [splat.slope[0], splat.slope[1], splat.s] };
-        let square = HALF_DIAGONAL * HALF_DIAGONAL;
+        let square = RADIUS * RADIUS;
         let (across, down) = (splat.across, splat.down);
         let ellipse = [
             dot(across, across) - square * one[0] * one[0],
@@ -40,8 +40,8 @@ impl SplatEdges {
             SplatEdges { ellipse, lines: [[0.0; 4]; LINES_MAX], count: 0, start: splat.start, columns };
         let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for (axis, moved) in axes.iter().zip(&splat.moved) {
-            edges.add(splat, one, *axis, CELL_REACH - moved);
-            edges.add(splat, one, axis.map(|c| -c), CELL_REACH + moved);
+            edges.add(splat, one, *axis, REACH - moved);
+            edges.add(splat, one, axis.map(|c| -c), REACH + moved);
         }
         for (normal, d) in &splat.cuts[..splat.cut_count] {
             edges.add(splat, one, *normal, *d);

@@ -3,19 +3,21 @@
 use super::view::{dot, DrawStyle, DrawView};
 
 const KEY: [f32; 3] = [-0.55, 0.65, 0.55];
-const FILL: [f32; 3] = [0.8, -0.1, 0.5];
+/// Where the weaker lamp stands, along the axes of the picture.
+pub const FILL: [f32; 3] = [0.8, -0.1, 0.5];
 const AMBIENT: f32 = 0.3;
 const STRENGTH: f32 = 0.62;
 const WEAK: f32 = 0.22;
 const GLOSS: f32 = 0.133;
-const COLOUR: [f32; 3] = [158.0, 168.0, 182.0];
+/// Of what is seen from outside.
+pub const COLOUR: [f32; 3] = [158.0, 168.0, 182.0];
 /// Of what is seen from within.
-const INNER: [f32; 3] = [206.0, 148.0, 96.0];
+pub const INNER: [f32; 3] = [206.0, 148.0, 96.0];
 /// Of the root's level and of the deepest.
 const COARSE: [f32; 3] = [220.0, 120.0, 70.0];
 const FINE: [f32; 3] = [70.0, 130.0, 200.0];
 
-pub(super) fn unit(a: [f32; 3]) -> [f32; 3] {
+fn unit(a: [f32; 3]) -> [f32; 3] {
     let length = dot(a, a).sqrt();
     if length > 0.0 {
         a.map(|c| c / length)

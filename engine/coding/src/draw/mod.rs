@@ -11,10 +11,12 @@
 //! | `edges` | where a large one ends in each row |
 //! | `survey` | which nodes a picture shows |
 //! | `canvas` | pixels while they are drawn |
+//! | `holes` | pixels that splats leave empty among them |
 //! | `light` | colours |
 
 mod canvas;
 mod edges;
+mod holes;
 mod light;
 mod packed;
 mod place;
@@ -22,9 +24,11 @@ mod survey;
 mod view;
 
 pub use canvas::PageCanvas;
+pub use holes::each_hole;
+pub use light::{COLOUR, FILL, INNER};
 pub use packed::{packed_splats, PackedSplat};
 pub use survey::{seen_nodes, units_to_refine};
-pub use view::{DrawStyle, DrawView};
+pub use view::{DrawStyle, DrawView, CELL_REACH, HALF_DIAGONAL, TOGETHER};
 
 #[cfg(test)]
 mod tests;

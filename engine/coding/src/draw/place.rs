@@ -1,7 +1,7 @@
 //! One splat in the picture.
 
 use super::packed::PackedSplat;
-use super::view::{dot, LevelView, CELL_REACH, HALF_DIAGONAL};
+use super::view::{dot, LevelView, RADIUS, REACH};
 
 /// A plane seen from its edge, by the cosine: it covers nothing.
 const EDGE_ON: f32 = 1e-6;
@@ -70,7 +70,7 @@ impl SeenSplat {
         let before = dot(normal, ray);
         // As the program does: with perspective a disc that just turns away still counts.
         let (nearest, farthest) =
-            if PARALLEL { (EDGE_ON, 0.0) } else { (EDGE_ON * view.distance, HALF_DIAGONAL * view.cell) };
+            if PARALLEL { (EDGE_ON, 0.0) } else { (EDGE_ON * view.distance, RADIUS * view.cell) };
         if before.abs() < nearest || (before > farthest && view.highest.is_none()) {
             return None;
         }
@@ -149,7 +149,7 @@ impl SeenSplat {
         let share = dot(place, place) * PER_SQUARE;
         let mut is_in = share <= 1.0 && t > 0.0;
         for (c, moved) in place.iter().zip(&self.moved) {
-            is_in &= (c + moved).abs() <= CELL_REACH;
+            is_in &= (c + moved).abs() <= REACH;
         }
         for (normal, d) in &self.cuts[..self.cut_count] {
             is_in &= dot(*normal, place) <= *d;
@@ -207,7 +207,7 @@ impl SeenSplat {
 
 /// A splat that is worth the pains has at least so many pixels in its box.
 const LARGE: usize = 64;
-const PER_SQUARE: f32 = 1.0 / (HALF_DIAGONAL * HALF_DIAGONAL);
+const PER_SQUARE: f32 = 1.0 / (RADIUS * RADIUS);
 
 /// How much a splat counts, by the square of the distance from its middle as a share of that of its edge.
 #[inline(always)]
@@ -223,7 +223,7 @@ fn parallel_box(view: &LevelView, n: [f32; 3], m: [f32; 3], c: [f32; 3]) -> [[f3
         let sign = if axis == 0 { 1.0 } else { -1.0 };
         let middle = view.middle[axis] + sign * m[axis] / view.pixel;
         let cell = view.middle[axis] + sign * c[axis] / view.pixel;
-        let disc = HALF_DIAGONAL * view.cell_pixels * (1.0 - n[axis] * n[axis]).max(0.0).sqrt();
+        let disc = RADIUS * view.cell_pixels * (1.0 - n[axis] * n[axis]).max(0.0).sqrt();
         low[axis] = (middle - disc).max(cell - view.box_pixels[axis]);
         high[axis] = (middle + disc).min(cell + view.box_pixels[axis]);
     }
@@ -233,7 +233,7 @@ fn parallel_box(view: &LevelView, n: [f32; 3], m: [f32; 3], c: [f32; 3]) -> [[f3
 /// The same of a ball around the disc; nothing if it is not before the eye.
 #[inline(always)]
 fn perspective_box(view: &LevelView, m: [f32; 3]) -> Option<[[f32; 2]; 2]> {
-    let (far, radius) = (view.distance - m[2], HALF_DIAGONAL * view.cell);
+    let (far, radius) = (view.distance - m[2], RADIUS * view.cell);
     let nearest = (far - radius).max(view.distance * NEAREST);
     if far + radius <= nearest {
         return None;

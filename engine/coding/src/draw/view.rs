@@ -59,18 +59,22 @@ pub(super) struct LevelView {
 }
 
 /// A splat reaches so far beyond the middle of its cell along each axis, in cells: gaps between planes that bend close.
-pub(super) const CELL_REACH: f32 = 0.65;
+pub const CELL_REACH: f64 = 0.65;
 /// Half the diagonal of a cell, in cells: the radius of a disc.
-pub(super) const HALF_DIAGONAL: f32 = 0.866_025_4;
-/// Splats this far behind the nearest belong to it, in cells.
-pub(super) const TOGETHER: f32 = 1.1 * CELL_REACH;
+pub const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
+/// Splats this far behind the nearest belong to it, in reaches of a cell.
+pub const TOGETHER: f32 = 1.1;
+
+/// The same as numbers of the picture: how far a splat reaches and its radius, in cells.
+pub(super) const REACH: f32 = CELL_REACH as f32;
+pub(super) const RADIUS: f32 = HALF_DIAGONAL as f32;
 
 impl LevelView {
     pub fn new(view: &DrawView, level: u32) -> LevelView {
         let cell = view.edge / (32u64 << level.min(32)) as f64;
         let axes = view.axes.map(|axis| axis.map(|c| c as f32));
         let cell_pixels = (cell / view.pixel) as f32;
-        let reach = |axis: [f32; 3]| axis.iter().map(|c| c.abs()).sum::<f32>() * CELL_REACH * cell_pixels;
+        let reach = |axis: [f32; 3]| axis.iter().map(|c| c.abs()).sum::<f32>() * REACH * cell_pixels;
         let mut first = [0.0; 3];
         (0..3).for_each(|a| first[a] = view.origin[a] + 0.5 * cell - view.centre[a]);
         let size = view.size.map(|side| side as f32);

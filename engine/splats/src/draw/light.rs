@@ -1,13 +1,8 @@
 //! What light makes of a normal.
 
+use crate::page_draw::{COLOUR, FILL, INNER};
 use crate::picture::Rgba;
 use crate::render::Lighting;
-
-/// Where the weaker lamp of `render` stands.
-const FILL: [f32; 3] = [0.8, -0.1, 0.5];
-const COLOUR: [f32; 3] = [158.0, 168.0, 182.0];
-/// Of what is seen from within.
-const INNER: [f32; 3] = [206.0, 148.0, 96.0];
 
 /// The lamps of a view, as `render` has them in its solid style.
 pub(super) struct SplatLight {

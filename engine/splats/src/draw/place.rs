@@ -2,16 +2,11 @@
 
 use super::frame::{DrawFrame, TILE_BITS, TileBits};
 use super::scene::{LANES, SceneNode};
+use crate::page_draw::{CELL_REACH, HALF_DIAGONAL, TOGETHER};
 use crate::wide::{Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, level};
 
-/// A splat reaches so far beyond the middle of its cell along each axis, in cells: gaps between planes that bend close.
-const CELL_REACH: f64 = 0.65;
-/// Half the diagonal of a cell, in cells: the radius of a disc.
-const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 /// Boxes of pixels are so much larger than splats, in pixels, for rounding.
 const BOX_SLACK: f32 = 1e-3;
-/// Splats this far behind the nearest belong to it, in reaches of a cell.
-const TOGETHER: f32 = 1.1;
 
 /// A splat in the picture, in coordinates around the middle of what is seen.
 #[derive(Clone, Copy, Debug)]

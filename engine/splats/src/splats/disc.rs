@@ -4,10 +4,8 @@ use super::levels::SplatLevels;
 use crate::bsp::{Cell, Clip, NodeCells, PAIRS, SPLATS_MAX, Splat, SplatInput, SplatTree};
 use crate::error::Result;
 use crate::lattice::{NodeKey, unit};
+use crate::page_draw::HALF_DIAGONAL;
 use rayon::prelude::*;
-
-/// Half the diagonal of a cell: a disc of this radius covers what a plane and the cell share.
-const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
 /// A part of a plane: the disc of `radius` around `centre`, in world units.
 #[derive(Clone, Debug, PartialEq)]
@@ -204,6 +202,7 @@ fn discs_of(
             let to_centre = (0..3).map(|a| m[a] * cell_centre[a]).sum::<f64>();
             cuts.push((m.map(|c| c * sign), (to_centre + along * size) * sign));
         }
+        // A disc of this radius covers what a plane and the cell share.
         let radius = HALF_DIAGONAL * size;
         each(Disc { centre, normal: *normal, radius, cell_centre, cell: size, cuts });
     }
