@@ -9,7 +9,7 @@ pub mod fraction;
 pub mod machining;
 pub mod voids;
 
-use brickfield_core::{error, lattice, part, progress, schedule, sets, soup, wide};
+use brickfield_core::{error, large_array, lattice, part, progress, schedule, sets, soup, wide};
 use brickfield_mesh::contour;
 use brickfield_octree::{brick, store};
 use brickfield_toolpath::milling;

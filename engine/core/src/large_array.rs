@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// Items that are made in parallel before they are appended.
 const RUN_ITEMS: usize = 1 << 16;
-/// Least by which a file grows, in bytes.
+/// Least and most by which a file grows, in bytes: what is not used of it takes room on the disk.
 const GROWTH_BYTES: u64 = 64 << 20;
+const MOST_GROWTH_BYTES: u64 = 1 << 30;
 
 /// How much of an array may be in memory, and where it goes then.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -195,6 +196,11 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
         Ok(merged)
     }
 
+    /// Whether it lies in a file.
+    pub fn is_in_file(&self) -> bool {
+        matches!(self.content, Content::File(..))
+    }
+
     /// Memory taken, without what is in a file.
     pub fn heap_bytes(&self) -> u64 {
         match &self.content {
@@ -227,7 +233,11 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
             }
             Content::File(map, _) => {
                 let now = map.bytes().len() as u64;
-                if need > now { map.grow(need.max(now + (now / 4).max(GROWTH_BYTES))) } else { Ok(()) }
+                if need > now {
+                    map.grow(need.max(now + (now / 4).clamp(GROWTH_BYTES, MOST_GROWTH_BYTES)))
+                } else {
+                    Ok(())
+                }
             }
         }
     }

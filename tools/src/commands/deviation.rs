@@ -134,12 +134,12 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     contour(&moved, &contouring, &mut ply, &bars)?;
     let (vertices, triangles) = ply.counts();
     let how = Align::from(args.align);
-    let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS)?, bounds, reference, how)?;
+    let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS), bounds, reference, how)?;
     let values = ply.fill(&bars, |last: &mut PreviousPlace, world| {
         Ok(reference.opposite_next(motion.apply(world), last)?.signed as f32)
     })?;
     let samples: Vec<[f64; 3]> =
-        reference.samples(POINTS_BACK)?.into_iter().map(|point| motion.undo(point)).collect();
+        reference.samples(POINTS_BACK).into_iter().map(|point| motion.undo(point)).collect();
     let back = at_points(&samples, &bars, |last: &mut PreviousPlace, point| {
         Ok(of_surface(&surface, &sides, point, last)?.signed)
     })?;
@@ -147,7 +147,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         (Some(within), Some(_)) => Some(regions_beyond(&surface, reference, (motion, within), &bars)?),
         _ => None,
     };
-    let [there, back] = [Spread::of(&values)?, Spread::of(&back)?];
+    let [there, back] = [Spread::of(&values), Spread::of(&back)];
     let table = regions.as_ref().map(|regions| table(&store, regions, cell)).transpose()?;
     let mut document = json!({
         "unit": unit,
@@ -169,8 +169,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         "reference_to_part": spread(&back, cell),
     });
     if let Some(within) = within {
-        let mut beyond = 0u64;
-        values.each(|value| beyond += u64::from(value.abs() > within))?;
+        let beyond = values.iter().filter(|value| value.abs() > within).count();
         document["within"] = json!(within);
         document["vertices_beyond"] = json!(beyond);
     }

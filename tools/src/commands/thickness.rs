@@ -129,7 +129,7 @@ fn at_vertices(
     contour(&moved, &contouring, &mut ply, bars)?;
     let (vertices, triangles) = ply.counts();
     let values = ply.fill(bars, |last: &mut PreviousContact, world| {
-        let measured = at_world(surface, world, options, last)?;
+        let measured = at_world(surface, world, options, last);
         Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
     })?;
     let regions = below.map(|below| thin_regions(surface, options, below, bars)).transpose()?;
@@ -208,16 +208,16 @@ fn document(args: &ThicknessArgs, store: &Store, values: &PointNumbers, cell: f6
     let place = |share: f64| ((measured as f64 * share).ceil() as usize).clamp(1, measured.max(1)) - 1;
     let ranks = [0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0].map(place);
     let told =
-        if measured > 0 { values.at_ranks(&ranks, |value| value)? } else { vec![f64::NAN; ranks.len()] };
+        if measured > 0 { values.at_ranks(&ranks, |value| value) } else { vec![f64::NAN; ranks.len()] };
     let most = if measured > 0 { told[6] } else { 0.0 };
     let if_any = |value: f64| if measured > 0 { value } else { f64::NAN };
     let mut bars = vec![0u64; BARS];
     let mut sum = 0.0;
-    values.each(|value| {
+    for value in values.iter() {
         let bar = (value / most.max(f64::from(f32::MIN_POSITIVE)) * BARS as f64) as usize;
         bars[bar.min(BARS - 1)] += 1;
         sum += value;
-    })?;
+    }
     let mean = sum / measured.max(1) as f64;
     let length = |value: f64| to_place(value, cell / 1000.0);
     Ok(json!({

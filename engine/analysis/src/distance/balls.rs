@@ -2,64 +2,80 @@
 
 use super::boxes::{Block, Boxes, Lanes, Normals, Probe, Question, block_of};
 use super::inscribed::{InscribedBall, Medium};
-use super::spilled::{Spill, Spilled};
 use super::thickness::PreviousContact;
 use crate::error::Result;
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use crate::wide::{Simd, f32x8};
+use bytemuck::{Pod, Zeroable};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 /// By so many cells the surface of balls whose centres are apart may lie within that of all balls between them.
 const SAG: f64 = 0.005;
-/// Bytes of a ball in a file.
-const BALL_BYTES: usize = 33;
 /// Balls of pieces that threads make ahead.
 const PIECES_AHEAD: usize = 4;
 
-/// The balls of a piece of the surface.
-type BallGroup = Vec<InscribedBall>;
+/// A ball as it may lie in a file.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct StoredBall {
+    centre: [f64; 3],
+    radius: f64,
+    is_flat: u64,
+}
+
+impl StoredBall {
+    fn of(InscribedBall { centre, radius, is_flat }: InscribedBall) -> StoredBall {
+        StoredBall { centre, radius, is_flat: u64::from(is_flat) }
+    }
+
+    fn ball(self) -> InscribedBall {
+        InscribedBall { centre: self.centre, radius: self.radius, is_flat: self.is_flat != 0 }
+    }
+}
 
 /// The balls of all crossings, by pieces of the surface.
 pub(super) struct BallTree {
-    groups: Spilled<BallGroup>,
-    /// The largest radius of each piece.
-    largest: Vec<f64>,
+    balls: LargeArray<StoredBall>,
+    /// Where those of each piece end, and the largest radius of them.
+    pieces: Vec<(usize, f64)>,
     boxes: Boxes,
 }
 
 impl BallTree {
-    /// Of all crossings, in so many bytes.
+    /// Of all crossings, in so many bytes, with a mapped file in `folder` for what does not fit.
     pub fn new(medium: &Medium<'_>, memory: u64, folder: &Path, progress: &dyn Progress) -> Result<BallTree> {
         let leaves = medium.surface.leaves().len();
         progress.phase("balls", Some(leaves as u64), "bricks");
-        let mut groups = Spilled::of_about(leaves, memory, folder);
-        let (mut largest, mut blocks) = (Vec::new(), Vec::new());
+        let mut all = LargeArray::new(&ArrayRoom::new(memory, folder));
+        let (mut pieces, mut blocks) = (Vec::new(), Vec::new());
         let make = |_: &mut (), leaf: usize| {
             progress.check()?;
             let mut last = PreviousContact::default();
             let mut balls = Vec::new();
-            for patch in medium.surface.patches_of(leaf)? {
+            for patch in medium.surface.patches_of(leaf) {
                 balls.extend(medium.touching((patch.at, patch.normal), &mut last)?);
             }
             Ok(thinned(balls))
         };
         let take = |balls: Vec<InscribedBall>| {
             progress.advance(1);
-            largest.push(balls.iter().fold(0.0, |most: f64, ball| most.max(ball.radius)));
+            let largest = balls.iter().fold(0.0, |most: f64, ball| most.max(ball.radius));
             blocks.push(block(&balls));
-            groups.push(balls)
+            all.extend_from_slice(&balls.into_iter().map(StoredBall::of).collect::<Vec<_>>())?;
+            pieces.push((all.len(), largest));
+            Ok(())
         };
         run_ordered(leaves, PIECES_AHEAD * rayon::current_num_threads(), || (), make, take)?;
         let boxes = Boxes::new(blocks.into_iter(), 1);
-        Ok(BallTree { groups, largest, boxes })
+        Ok(BallTree { balls: all, pieces, boxes })
     }
 
     /// The largest radius of all.
     pub fn largest(&self) -> f64 {
-        self.largest.iter().copied().fold(0.0, f64::max)
+        self.pieces.iter().fold(0.0, |most, (_, largest)| most.max(*largest))
     }
 
     /// Shows the balls of pieces that may reach into a cube about a middle, pieces with larger balls first, while `each` wants
@@ -68,14 +84,19 @@ impl BallTree {
         &self,
         middle: [f64; 3],
         reach: f64,
-        mut each: impl FnMut(f64, &mut dyn FnMut() -> Result<Arc<BallGroup>>) -> Result<()>,
-    ) -> Result<()> {
+        mut each: impl FnMut(f64, &mut dyn Iterator<Item = InscribedBall>),
+    ) {
         let probe = Probe::new(middle, self.boxes.size());
         let mut near = Near { probe, within: (reach * reach) as f32, found: Vec::new() };
-        self.boxes.search(&mut near)?;
+        self.boxes.search(&mut near);
         let mut found = near.found;
-        found.sort_by(|&a, &b| self.largest[b].total_cmp(&self.largest[a]).then(a.cmp(&b)));
-        found.into_iter().try_for_each(|piece| each(self.largest[piece], &mut || self.groups.get(piece)))
+        let largest = |piece: usize| self.pieces[piece].1;
+        found.sort_by(|&a, &b| largest(b).total_cmp(&largest(a)).then(a.cmp(&b)));
+        for piece in found {
+            let first = if piece > 0 { self.pieces[piece - 1].0 } else { 0 };
+            let balls = &self.balls[first..self.pieces[piece].0];
+            each(largest(piece), &mut balls.iter().map(|ball| ball.ball()));
+        }
     }
 }
 
@@ -96,9 +117,9 @@ impl Question for Near {
         true
     }
 
-    fn visit(&mut self, thing: usize) -> Result<bool> {
+    fn visit(&mut self, thing: usize) -> bool {
         self.found.push(thing);
-        Ok(false)
+        false
     }
 }
 
@@ -121,29 +142,4 @@ fn thinned(balls: Vec<InscribedBall>) -> Vec<InscribedBall> {
         }
     }
     kept.into_values().rev().collect()
-}
-
-impl Spill for BallGroup {
-    fn bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(self.len() * BALL_BYTES);
-        for InscribedBall { centre, radius, is_flat } in self {
-            centre.iter().chain([radius]).for_each(|number| bytes.extend(number.to_le_bytes()));
-            bytes.push(u8::from(*is_flat));
-        }
-        bytes
-    }
-
-    fn of_bytes(bytes: &[u8]) -> Option<BallGroup> {
-        let ball = |bytes: &[u8; BALL_BYTES]| {
-            let number = |n: usize| f64::from_le_bytes(std::array::from_fn(|b| bytes[8 * n + b]));
-            let centre = [0, 1, 2].map(number);
-            InscribedBall { centre, radius: number(3), is_flat: bytes[32] != 0 }
-        };
-        let (balls, rest) = bytes.as_chunks::<BALL_BYTES>();
-        rest.is_empty().then(|| balls.iter().map(ball).collect())
-    }
-
-    fn heap_bytes(&self) -> usize {
-        self.len() * size_of::<InscribedBall>()
-    }
 }

@@ -59,7 +59,7 @@ impl<'a> DistanceTree<'a> {
         let size = self.step * f64::from(BRICK_CELLS as u32) * f64::from(1u32 << (self.level - key.level()));
         let middle = key.position().map(|p| (f64::from(p) + 0.5) * size);
         let reach = 0.5 * 3f64.sqrt() * size + f64::from(BAND) * self.step + CERTAIN;
-        if self.surface.closest(middle, reach)?.is_some() {
+        if self.surface.closest(middle, reach).is_some() {
             return Ok(None);
         }
         let inside = self.sides.inside(middle, reach, false)?;
@@ -94,7 +94,7 @@ impl<'a> DistanceTree<'a> {
         match self.sides.sample(at.map(|c| c as i64))? {
             Some(inside) => Ok(inside),
             // In a coarser leaf, where there is no sample.
-            None => Ok(self.surface.closest(at, f64::INFINITY)?.is_some_and(|foot| foot.inside)),
+            None => Ok(self.surface.closest(at, f64::INFINITY).is_some_and(|foot| foot.inside)),
         }
     }
 }

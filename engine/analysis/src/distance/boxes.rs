@@ -2,8 +2,9 @@
 //!
 //! Eight boxes are compared at once, in 32 bits. What is computed so is a bound: rounding makes boxes nearer, never farther.
 
-use crate::error::Result;
 use crate::wide::{Select, Simd, SimdBase, SimdMask, dispatch, f32x8, level};
+use bytemuck::{Pod, Zeroable};
+use std::ops::Range;
 
 /// Least and greatest coordinates.
 pub(super) type Block = [[f32; 3]; 2];
@@ -27,7 +28,8 @@ const SIFTED: usize = 2;
 const EMPTY: Block = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 
 /// Least and greatest coordinates of eight boxes.
-#[derive(Clone)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Lanes {
     pub(super) low: [[f32; WIDE]; 3],
     pub(super) high: [[f32; WIDE]; 3],
@@ -35,7 +37,8 @@ pub(super) struct Lanes {
 
 /// Least and greatest components of the unit normals in eight boxes, rounded outward, and how thick each one's content is along
 /// the middle of them: half of that from the middle of the box, in parts of half of its diagonal.
-#[derive(Clone)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Normals {
     pub(super) low: [[i8; WIDE]; 3],
     pub(super) high: [[i8; WIDE]; 3],
@@ -50,17 +53,32 @@ pub(super) struct Probe {
     pub(super) nearer: [f32; 3],
 }
 
-/// A tree of boxes.
+/// A tree of boxes, as it is made.
 pub(super) struct Boxes {
     pub(super) nodes: Vec<Lanes>,
     /// As many as nodes, or none.
     pub(super) normals: Vec<Normals>,
-    /// Where the nodes of each level begin; those of the first have runs of things below them.
-    pub(super) levels: Vec<usize>,
     /// Things in a run.
     pub(super) per_run: usize,
     pub(super) things: usize,
-    pub(super) whole: Block,
+    whole: Block,
+}
+
+/// A tree of boxes, wherever its nodes lie.
+#[derive(Clone, Copy)]
+pub(super) struct BoxNodes<'a> {
+    nodes: &'a [Lanes],
+    normals: &'a [Normals],
+    per_run: usize,
+    things: usize,
+    whole: Block,
+}
+
+/// The levels of a tree of boxes, from the one whose nodes have runs of things below them.
+pub(super) struct NodeLevels {
+    /// Where the nodes of each begin, and where those of the last end.
+    begins: [usize; MOST_LEVELS + 1],
+    count: usize,
 }
 
 /// A node that waits to be looked at, and how near it is.
@@ -87,7 +105,7 @@ pub(super) trait Question {
     }
 
     /// Looks at a thing; tells whether it changed what is known.
-    fn visit(&mut self, thing: usize) -> Result<bool>;
+    fn visit(&mut self, thing: usize) -> bool;
 }
 
 impl Probe {
@@ -189,15 +207,15 @@ impl Boxes {
         for (n, block) in things.enumerate() {
             runs[n / per_run] = united(&runs[n / per_run], &block);
         }
-        let (levels, node_count) = levels_over(runs.len());
-        let mut nodes = Vec::with_capacity(node_count);
-        for _ in &levels {
+        let levels = NodeLevels::over(runs.len());
+        let mut nodes = Vec::with_capacity(levels.nodes());
+        for _ in levels.ranges() {
             nodes.extend(runs.chunks(WIDE).map(lanes));
             runs = runs.chunks(WIDE).map(|blocks| blocks.iter().fold(EMPTY, |a, b| united(&a, b))).collect();
         }
-        debug_assert!(levels.len() <= MOST_LEVELS && nodes.len() == node_count);
+        debug_assert!(nodes.len() == levels.nodes());
         let whole = runs.first().copied().unwrap_or(EMPTY);
-        Boxes { nodes, normals: Vec::new(), levels, per_run, things: count, whole }
+        Boxes { nodes, normals: Vec::new(), per_run, things: count, whole }
     }
 
     /// With least and greatest components of the unit normals of each thing.
@@ -207,7 +225,7 @@ impl Boxes {
             runs[n / self.per_run] = united(&runs[n / self.per_run], &block);
         }
         self.normals.reserve_exact(self.nodes.len());
-        for _ in 0..self.levels.len() {
+        for _ in NodeLevels::over(runs.len()).ranges() {
             self.normals.extend(runs.chunks(WIDE).map(normals));
             runs = runs.chunks(WIDE).map(|blocks| blocks.iter().fold(EMPTY, |a, b| united(&a, b))).collect();
         }
@@ -219,39 +237,86 @@ impl Boxes {
         self.whole
     }
 
-    /// The largest coordinate.
-    pub fn size(&self) -> f32 {
-        self.whole
-            .as_flattened()
-            .iter()
-            .fold(0.0, |most, c| if c.abs() < FAR { most.max(c.abs()) } else { most })
+    /// As slices.
+    pub fn view(&self) -> BoxNodes<'_> {
+        BoxNodes::new((&self.nodes, &self.normals), (self.things, self.per_run), self.whole)
     }
 
-    /// Heap bytes.
-    pub fn heap_bytes(&self) -> usize {
-        self.nodes.len() * size_of::<Lanes>() + self.normals.len() * size_of::<Normals>()
+    /// See [`BoxNodes::size`].
+    pub fn size(&self) -> f32 {
+        self.view().size()
+    }
+
+    /// See [`BoxNodes::search`].
+    pub fn search(&self, question: &mut impl Question) {
+        self.view().search(question);
+    }
+}
+
+impl NodeLevels {
+    /// Over so many runs.
+    pub fn over(mut runs: usize) -> NodeLevels {
+        let mut levels = NodeLevels { begins: [0; MOST_LEVELS + 1], count: 0 };
+        while levels.count == 0 || runs > 1 {
+            runs = runs.div_ceil(WIDE);
+            levels.begins[levels.count + 1] = levels.begins[levels.count] + runs;
+            levels.count += 1;
+        }
+        levels
+    }
+
+    /// The nodes of each.
+    pub fn ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        self.begins[..=self.count].windows(2).map(|ends| ends[0]..ends[1])
+    }
+
+    /// How many nodes all of them have.
+    pub fn nodes(&self) -> usize {
+        self.begins[self.count]
+    }
+}
+
+impl<'a> BoxNodes<'a> {
+    /// The nodes of [`Boxes`] around so many things in runs, and the box around all.
+    pub fn new(
+        (nodes, normals): (&'a [Lanes], &'a [Normals]),
+        (things, per_run): (usize, usize),
+        whole: Block,
+    ) -> BoxNodes<'a> {
+        BoxNodes { nodes, normals, per_run, things, whole }
+    }
+
+    /// The box around all.
+    pub fn whole(&self) -> Block {
+        self.whole
+    }
+
+    /// The largest coordinate.
+    pub fn size(&self) -> f32 {
+        let ends = self.whole.as_flattened();
+        ends.iter().fold(0.0, |most, c| if c.abs() < FAR { most.max(c.abs()) } else { most })
     }
 
     /// Shows a question all things that may count, those in near boxes first.
-    pub fn search(&self, question: &mut impl Question) -> Result<()> {
-        if self.things == 0 {
-            return Ok(());
+    pub fn search(&self, question: &mut impl Question) {
+        if self.things > 0 {
+            dispatch!(level(), simd => self.look(simd, question));
         }
-        dispatch!(level(), simd => self.look(simd, question))
     }
 
     /// The search, inlined into what is compiled for the widest vectors.
     #[inline(always)]
-    fn look<S: Simd>(&self, simd: S, question: &mut impl Question) -> Result<()> {
+    fn look<S: Simd>(&self, simd: S, question: &mut impl Question) {
         let mut waiting = [WaitingNode::default(); WIDE * MOST_LEVELS];
-        let (mut level, mut node, mut count) = (self.levels.len() - 1, 0, 0);
+        let levels = NodeLevels::over(self.things.div_ceil(self.per_run));
+        let (mut level, mut node, mut count) = (levels.count - 1, 0, 0);
         loop {
-            let at = self.levels[level] + node;
+            let at = levels.begins[level] + node;
             let near = question.nearness(simd, &self.nodes[at], self.normals.get(at));
             let below = count;
             count += nearest_last(simd, near, node, level, &mut waiting[below..]);
             if level == 0 {
-                self.visit_runs(simd, question, node, &waiting[below..count])?;
+                self.visit_runs(simd, question, node, &waiting[below..count]);
                 count = below;
             }
             // What was found since may exclude some.
@@ -259,7 +324,7 @@ impl Boxes {
                 count -= 1;
             }
             if count == 0 {
-                return Ok(());
+                return;
             }
             count -= 1;
             let next = waiting[count];
@@ -269,13 +334,7 @@ impl Boxes {
 
     /// Shows the things in the runs of a node, of which the nearest stands last.
     #[inline(always)]
-    fn visit_runs<S: Simd>(
-        &self,
-        simd: S,
-        question: &mut impl Question,
-        node: usize,
-        runs: &[WaitingNode],
-    ) -> Result<()> {
+    fn visit_runs<S: Simd>(&self, simd: S, question: &mut impl Question, node: usize, runs: &[WaitingNode]) {
         let is_sifted = self.per_run == 1 && runs.len() >= SIFTED;
         let mut may_count = if is_sifted { question.sift(simd, node * WIDE) } else { u64::MAX };
         for run in runs.iter().rev() {
@@ -288,13 +347,12 @@ impl Boxes {
             }
             let first = run * self.per_run;
             for thing in first..(first + self.per_run).min(self.things) {
-                let is_changed = question.visit(thing)?;
+                let is_changed = question.visit(thing);
                 if is_sifted && is_changed {
                     may_count = question.sift(simd, node * WIDE);
                 }
             }
         }
-        Ok(())
     }
 }
 
@@ -325,17 +383,6 @@ fn nearest_last<S: Simd>(
         count += 1;
     }
     count
-}
-
-/// Where the nodes of each level over so many runs begin, and how many there are.
-pub(super) fn levels_over(mut runs: usize) -> (Vec<usize>, usize) {
-    let (mut levels, mut nodes) = (Vec::new(), 0);
-    while levels.is_empty() || runs > 1 {
-        levels.push(nodes);
-        runs = runs.div_ceil(WIDE);
-        nodes += runs;
-    }
-    (levels, nodes)
 }
 
 fn lanes(blocks: &[Block]) -> Lanes {
@@ -411,19 +458,19 @@ mod tests {
             f64::from(nearness) <= self.best
         }
 
-        fn visit(&mut self, thing: usize) -> Result<bool> {
+        fn visit(&mut self, thing: usize) -> bool {
             self.visits += 1;
             if dot(self.normals[thing], [0.0, 0.6, 0.8]) <= TURNED {
                 let away = minus(self.points[thing], self.from);
                 self.best = self.best.min(dot(away, away));
             }
-            Ok(false)
+            false
         }
     }
 
     #[test]
     fn nothing_near_is_skipped() {
-        assert_eq!([0, 1, 8, 9, 64, 65].map(|runs| levels_over(runs).1), [0, 1, 1, 3, 9, 12]);
+        assert_eq!([0, 1, 8, 9, 64, 65].map(|runs| NodeLevels::over(runs).nodes()), [0, 1, 1, 3, 9, 12]);
         for (count, far) in [(1usize, 0.0), (2, 0.0), (3, 0.0), (7, 0.0), (100, 0.0), (1000, 3000.0)] {
             let some = |n: usize, k: u64| [0, 1, 2].map(|a| random(3 * n as u64 + a + k));
             let points: Vec<[f64; 3]> = (0..count).map(|n| some(n, 0).map(|c| c + far)).collect();
@@ -449,7 +496,7 @@ mod tests {
                     best: f64::INFINITY,
                     visits: 0,
                 };
-                boxes.search(&mut question).unwrap();
+                boxes.search(&mut question);
                 assert!((question.best - expected).abs() <= 1e-12 * expected || question.best == expected);
                 visits += question.visits;
             }

@@ -46,18 +46,12 @@ impl BrickFeet {
     pub fn new(surface: &Surface, first: [f64; 3], step: f64, reach: f64) -> Result<BrickFeet> {
         let (within, squares) = (vec![reach as f32; POINTS], vec![f64::INFINITY; POINTS]);
         let mut feet = BrickFeet { first, step, reach, within, squares };
-        let pieces = surface.pieces_in(feet.block())?;
+        let pieces = surface.pieces_in(feet.block());
         for &leaf in &pieces {
-            surface.with(leaf, |piece| {
-                feet.bound(piece);
-                Ok(())
-            })?;
+            feet.bound(&surface.piece(leaf));
         }
         for &leaf in &pieces {
-            surface.with(leaf, |piece| {
-                feet.visit(piece);
-                Ok(())
-            })?;
+            feet.visit(&surface.piece(leaf));
         }
         feet.ask_again(surface)?;
         Ok(feet)
@@ -70,7 +64,7 @@ impl BrickFeet {
             if self.squares[sample] == f64::INFINITY && f64::from(self.within[sample]) < self.reach - 0.01 {
                 let ijk = point_position(sample);
                 let at = std::array::from_fn(|a| self.first[a] + self.step * ijk[a] as f64);
-                if let Some(foot) = surface.closest(at, self.reach)? {
+                if let Some(foot) = surface.closest(at, self.reach) {
                     self.squares[sample] = foot.distance * foot.distance;
                 }
             }
@@ -124,10 +118,10 @@ impl BrickFeet {
         let base: [f64; 3] = std::array::from_fn(|a| piece.base[a] - self.first[a]);
         let step = self.step as f32;
         let mut within = std::mem::take(&mut self.within);
-        for patch in &piece.patches {
+        for patch in piece.patches {
             let at = std::array::from_fn(|a| f64::from(patch.at[a]) + base[a]);
             // Polygons that no cell resolves may leave their crossing outside.
-            let touch = patch.nearest(&piece.rings, patch.at.map(f64::from), f64::INFINITY);
+            let touch = patch.nearest(piece.rings, patch.at.map(f64::from), f64::INFINITY);
             let off = touch.map_or(f32::INFINITY, |touch| touch.squared.sqrt() as f32) + ROUNDED;
             self.rows(at, self.reach, |row| {
                 let mut along = row.along;
@@ -146,7 +140,7 @@ impl BrickFeet {
         let base: [f64; 3] = std::array::from_fn(|a| piece.base[a] - self.first[a]);
         let step = self.step as f32;
         let (mut within, mut squares) = (std::mem::take(&mut self.within), std::mem::take(&mut self.squares));
-        for patch in &piece.patches {
+        for patch in piece.patches {
             let at = std::array::from_fn(|a| f64::from(patch.at[a]) + base[a]);
             let radius = patch.radius + ROUNDED;
             self.rows(at, self.reach + f64::from(radius), |row| {
@@ -161,7 +155,7 @@ impl BrickFeet {
                     let ijk = point_position(sample);
                     let from = std::array::from_fn(|a| ijk[a] as f64 * self.step - base[a]);
                     let most = f64::from(within[sample]);
-                    if let Some(touch) = patch.nearest(&piece.rings, from, most * most)
+                    if let Some(touch) = patch.nearest(piece.rings, from, most * most)
                         && touch.squared < squares[sample]
                     {
                         squares[sample] = touch.squared;
@@ -197,18 +191,15 @@ mod tests {
                 let at: [f64; 3] = std::array::from_fn(|a| first[a] + step * ijk[a] as f64);
                 let mut least = f64::INFINITY;
                 for leaf in 0..surface.leaves().len() {
-                    let ask = |piece: &Piece| {
-                        let from = minus(at, piece.base);
-                        for patch in &piece.patches {
-                            let touch = patch.nearest(&piece.rings, from, f64::INFINITY);
-                            least = least.min(touch.map_or(f64::INFINITY, |touch| touch.squared));
-                        }
-                        Ok(())
-                    };
-                    surface.with(leaf, ask).unwrap();
+                    let piece = surface.piece(leaf);
+                    let from = minus(at, piece.base);
+                    for patch in piece.patches {
+                        let touch = patch.nearest(piece.rings, from, f64::INFINITY);
+                        least = least.min(touch.map_or(f64::INFINITY, |touch| touch.squared));
+                    }
                 }
                 let (least, found) = (least.max(0.0).sqrt(), feet.distance(sample));
-                let closest = surface.closest(at, f64::INFINITY).unwrap().unwrap().distance;
+                let closest = surface.closest(at, f64::INFINITY).unwrap().distance;
                 assert!(
                     (closest - least).abs() < 1e-5 * least.max(1.0),
                     "{ijk:?}: {closest} instead of {least}"

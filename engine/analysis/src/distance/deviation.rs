@@ -102,7 +102,7 @@ impl Reference<'_> {
     /// The nearest point, with the signed distance.
     ///
     /// # Errors
-    /// What reading a store's surface, or what does not fit of a mesh, gives.
+    /// What reading the store gives.
     pub fn opposite(&self, from: [f64; 3]) -> Result<ReferencePoint> {
         self.opposite_next(from, &mut PreviousPlace::default())
     }
@@ -114,7 +114,7 @@ impl Reference<'_> {
     pub fn opposite_next(&self, from: [f64; 3], last: &mut PreviousPlace) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
-                let (signed, nearest) = triangles.signed(from, last)?;
+                let (signed, nearest) = triangles.signed(from, last);
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed })
             }
             Reference::Store(surface, sides) => of_surface(surface, sides, from, last),
@@ -128,7 +128,7 @@ impl Reference<'_> {
     pub fn nearest(&self, from: [f64; 3]) -> Result<ReferencePoint> {
         match self {
             Reference::Mesh(triangles) => {
-                let nearest = triangles.nearest(from)?;
+                let nearest = triangles.nearest(from);
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed: nearest.distance })
             }
             Reference::Store(surface, sides) => {
@@ -138,20 +138,17 @@ impl Reference<'_> {
     }
 
     /// Points of it, at most about so many: of a mesh vertices and points spread by area, of a store crossings.
-    ///
-    /// # Errors
-    /// What reading a store's surface, or what does not fit of a mesh, gives.
-    pub fn samples(&self, most: usize) -> Result<Vec<[f64; 3]>> {
+    pub fn samples(&self, most: usize) -> Vec<[f64; 3]> {
         match self {
             Reference::Mesh(triangles) => triangles.samples(most),
             Reference::Store(surface, _) => {
                 let step = (surface.patches() as usize).div_ceil(most).max(1);
                 let mut points = Vec::new();
                 for leaf in 0..surface.leaves().len() {
-                    let patches = surface.patches_of(leaf)?;
+                    let patches = surface.patches_of(leaf);
                     points.extend(patches.iter().step_by(step).map(|patch| surface.to_world(patch.at)));
                 }
-                Ok(points)
+                points
             }
         }
     }
@@ -170,9 +167,9 @@ pub fn of_surface(
 ) -> Result<ReferencePoint> {
     surface.require_any()?;
     let at = surface.to_cells(from);
-    let mut foot = surface.closest(at, last.reach(at) + SLACK)?;
+    let mut foot = surface.closest(at, last.reach(at) + SLACK);
     if foot.is_none() {
-        foot = surface.closest(at, f64::INFINITY)?;
+        foot = surface.closest(at, f64::INFINITY);
     }
     let Some(foot) = foot else {
         return Ok(ReferencePoint { at: from, normal: [0.0; 3], signed: f64::INFINITY });
@@ -202,25 +199,22 @@ pub fn at_points<L: Default>(
 
 impl Spread {
     /// Of some signed distances.
-    ///
-    /// # Errors
-    /// What reading them gives.
-    pub fn of(values: &PointNumbers) -> Result<Spread> {
+    pub fn of(values: &PointNumbers) -> Spread {
         let (_, points) = values.counts();
         if points == 0 {
-            return Ok(Spread::default());
+            return Spread::default();
         }
         let (mut sum, mut squares) = (0.0, 0.0);
-        values.each(|value| {
+        for value in values.iter() {
             sum += value;
             squares += value * value;
-        })?;
+        }
         let place = |share: f64| ((points as f64 * share / 100.0).ceil() as usize).clamp(1, points) - 1;
         let ranks: Vec<usize> = PERCENTILES.into_iter().map(place).chain([0, points - 1]).collect();
-        let told = values.at_ranks(&ranks, |value| value)?;
-        let absolute = values.at_ranks(&ABSOLUTE_PERCENTILES.map(place), f64::abs)?;
+        let told = values.at_ranks(&ranks, |value| value);
+        let absolute = values.at_ranks(&ABSOLUTE_PERCENTILES.map(place), f64::abs);
         let (percentiles, ends) = told.split_at(PERCENTILES.len());
-        Ok(Spread {
+        Spread {
             points,
             mean: sum / points as f64,
             rms: (squares / points as f64).sqrt(),
@@ -228,7 +222,7 @@ impl Spread {
             percentiles: std::array::from_fn(|n| percentiles[n]),
             absolute: std::array::from_fn(|n| absolute[n]),
             max: ends[1],
-        })
+        }
     }
 
     /// The largest distance to either side.

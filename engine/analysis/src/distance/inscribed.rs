@@ -104,9 +104,9 @@ fn least_of_hull(trials: &[Trial], (at, value): ([f64; 3], f64)) -> ([f64; 3], f
 impl Medium<'_> {
     /// How deep a place is, likely at most so many cells; `None` on the other side of the surface.
     fn depth(&self, at: [f64; 3], within: f64) -> Result<Option<DepthAt>> {
-        let mut foot = self.surface.closest(at, within.min(self.most))?;
+        let mut foot = self.surface.closest(at, within.min(self.most));
         if foot.is_none() && within < self.most {
-            foot = self.surface.closest(at, self.most)?;
+            foot = self.surface.closest(at, self.most);
         }
         let (distance, says) = foot.map_or((self.most, self.gaps), |foot| (foot.distance, foot.inside));
         let inside = self.sides.inside(at, distance, says)?;
@@ -127,10 +127,10 @@ impl Medium<'_> {
         (place, outward): ([f64; 3], [f64; 3]),
         last: &mut PreviousContact,
     ) -> Result<Option<InscribedBall>> {
-        let outward = self.surface.normal_around(place, outward)?;
+        let outward = self.surface.normal_around(place, outward);
         let toward = if self.gaps { outward } else { outward.map(|c| -c) };
         let touch = BallAt { at: place, toward, outward };
-        let found = largest_ball(self.surface, touch, (self.most, APART), !self.gaps, last)?;
+        let found = largest_ball(self.surface, touch, (self.most, APART), !self.gaps, last);
         let Some((radius, bound)) = found else {
             return self.ball_at(along(place, toward, self.most), self.most);
         };
@@ -144,7 +144,7 @@ impl Medium<'_> {
             return Ok(Some(ball));
         }
         let (at, enough) = (along(centre, unit(up), 1.0), ball.radius + 0.7 * slope);
-        let Some(foot) = self.surface.closest(at, enough)? else { return Ok(Some(ball)) };
+        let Some(foot) = self.surface.closest(at, enough) else { return Ok(Some(ball)) };
         if self.sides.inside(at, foot.distance, foot.inside)? == self.gaps {
             return Ok(Some(ball));
         }
@@ -156,13 +156,12 @@ impl Medium<'_> {
     /// A ball that one patch bounds, without what of others reaches into it. Bent patches may do so by little, and those that
     /// touch a ball in a tube are many; they are not asked by how much.
     fn checked(&self, centre: [f64; 3], radius: f64, bound: Place) -> Result<Option<InscribedBall>> {
-        let is_plane =
-            self.surface.with(bound.leaf as usize, |piece| Ok(piece.patch(bound).shape == Shape::Plane))?;
+        let is_plane = self.surface.piece(bound.leaf as usize).patch(bound).shape() == Shape::Plane;
         let within = if is_plane { radius * (1.0 - 1e-6) } else { radius * (1.0 - INTO_PART) - INTO };
         if within <= 0.0 {
             return self.ball_at(centre, radius + 0.1);
         }
-        let foot = self.surface.closest(centre, within)?;
+        let foot = self.surface.closest(centre, within);
         let (radius, says) = foot.map_or((within, !self.gaps), |foot| (foot.distance, foot.inside));
         let inside = self.sides.inside(centre, radius, says)?;
         let is_flat = radius >= self.most * (1.0 - 1e-6);

@@ -136,7 +136,7 @@ impl<'a> LocalThickness<'a> {
             let at = place(n);
             let inside = match medium.sides.sample(at.map(|c| c as i64))? {
                 Some(inside) => inside,
-                None => medium.surface.closest(at, f64::INFINITY)?.is_some_and(|foot| foot.inside),
+                None => medium.surface.closest(at, f64::INFINITY).is_some_and(|foot| foot.inside),
             };
             Ok(inside != medium.gaps)
         };
@@ -147,7 +147,7 @@ impl<'a> LocalThickness<'a> {
     fn radius(&self, at: [f64; 3], painted: Option<InscribedBall>) -> Result<f64> {
         let medium = &self.medium;
         let mut best = painted;
-        if let Some(foot) = medium.surface.closest(at, NEAR)? {
+        if let Some(foot) = medium.surface.closest(at, NEAR) {
             let mut take = |ball: Option<InscribedBall>| {
                 if let Some(ball) =
                     ball.filter(|ball| length(minus(ball.centre, at)) <= ball.radius + slack(ball.radius))
@@ -230,10 +230,9 @@ impl BallCanvas {
         let middle = first.map(|c| c + half);
         local.balls.near(middle, half * 3f64.sqrt() + MISS, |largest, balls| {
             if largest > f64::from(canvas.least_of_all) {
-                balls()?.iter().for_each(|ball| canvas.paint(ball));
+                balls.for_each(|ball| canvas.paint(&ball));
             }
-            Ok(())
-        })?;
+        });
         Ok(canvas)
     }
 

@@ -74,11 +74,11 @@ impl Mitres {
         let mut bytes = 0;
         let make = |_: &mut (), leaf: usize| {
             progress.check()?;
-            let corners = surface.with(leaf, |piece| Ok(turned_corners(piece)))?;
+            let corners = turned_corners(&surface.piece(leaf));
             let mut met = Vec::new();
             for corner in corners {
                 let at = corner.map(|c| c as f64 / PARTS);
-                let crease = surface.ask(FacesAround::new(at))?.crease();
+                let crease = surface.ask(FacesAround::new(at)).crease();
                 met.extend(crease.map(|crease| (corner, crease)));
             }
             Ok(met)
@@ -127,8 +127,7 @@ impl Mitres {
         let probe = Probe::new(from, self.boxes.size());
         let within = within * within;
         let mut near = NearestCorner { corners: &self.corners, from, probe, within, best: None };
-        let found = self.boxes.search(&mut near);
-        debug_assert!(found.is_ok());
+        self.boxes.search(&mut near);
         near.best.map(|best| &self.corners[best])
     }
 
@@ -160,8 +159,8 @@ fn turned_corners(piece: &Piece) -> Vec<[i64; 3]> {
         std::array::from_fn(|a| ((c[a] + piece.base[a]) * PARTS).round() as i64)
     };
     let mut around: BTreeMap<[i64; 3], Vec<&Patch>> = BTreeMap::new();
-    for patch in &piece.patches {
-        patch.corners(&piece.rings).for_each(|corner| around.entry(key(corner)).or_default().push(patch));
+    for patch in piece.patches {
+        patch.corners(piece.rings).for_each(|corner| around.entry(key(corner)).or_default().push(patch));
     }
     let ends = piece.boxes.whole();
     let is_border = |corner: &[i64; 3]| {
@@ -281,12 +280,12 @@ impl Question for NearestCorner<'_> {
         f64::from(nearness) <= self.within
     }
 
-    fn visit(&mut self, thing: usize) -> Result<bool> {
+    fn visit(&mut self, thing: usize) -> bool {
         let away = minus(self.from, self.corners[thing].0);
         let squared = dot(away, away);
         if squared < self.within {
             (self.within, self.best) = (squared, Some(thing));
         }
-        Ok(false)
+        false
     }
 }

@@ -10,12 +10,12 @@
 //! | `quadratic` | the form that bends it |
 //! | `polygons` | the polygons that patches are made of, and which share corners |
 //! | `piece` | the patches of a leaf |
+//! | `pieces` | those of all, in memory or in files |
 //! | `boxes` | trees of boxes |
 //! | `slabs` | thinner bounds of what is in a box |
 //! | `sift` | which of eight patches a ball may reach |
 //! | `sides` | inside or outside, by samples |
 //! | `brick_feet` | distances from all samples of a brick |
-//! | `spilled` | groups in memory or in a file |
 //! | `surface` | all patches |
 //! | `questions` | nearest points, normals, rays, balls |
 //! | `around` | normals of surfaces with facets |
@@ -43,7 +43,6 @@ mod answers;
 mod around;
 mod balls;
 mod band;
-mod box_bytes;
 mod boxes;
 mod brick_feet;
 pub mod closing;
@@ -58,6 +57,7 @@ mod numbers;
 pub mod offset;
 mod patch;
 mod piece;
+mod pieces;
 mod polygons;
 mod quadratic;
 mod questions;
@@ -67,7 +67,6 @@ mod scalar_mesh;
 mod sides;
 mod sift;
 mod slabs;
-mod spilled;
 mod surface;
 mod tally;
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A number for each of many points.
 
-use super::spilled::{Spill, Spilled};
 use crate::error::Result;
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::progress::Progress;
 use crate::schedule::run_ordered;
 use std::path::Path;
@@ -9,101 +9,38 @@ use std::path::Path;
 /// Points that a thread takes at once.
 const AT_ONCE: usize = 1024;
 
-/// Numbers, or points, that lie together in a file: a multiple of [`AT_ONCE`].
-pub(super) const TOGETHER: usize = 1 << 16;
-
-impl<const N: usize> Spill for Vec<[f32; N]> {
-    fn bytes(&self) -> Vec<u8> {
-        self.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect()
-    }
-
-    fn of_bytes(bytes: &[u8]) -> Option<Vec<[f32; N]>> {
-        let (numbers, rest) = bytes.as_chunks::<4>();
-        let row = |row: &[[u8; 4]]| std::array::from_fn(|n| f32::from_le_bytes(row[n]));
-        (rest.is_empty() && numbers.len().is_multiple_of(N))
-            .then(|| numbers.chunks_exact(N).map(row).collect())
-    }
-
-    fn heap_bytes(&self) -> usize {
-        4 * N * self.len()
-    }
-}
-
-/// Rows of numbers in order, in memory as far as allowed, and else in a file.
-pub(super) struct NumberRows<const N: usize> {
-    groups: Spilled<Vec<[f32; N]>>,
-    last: Vec<[f32; N]>,
-}
-
-impl<const N: usize> NumberRows<N> {
-    pub fn new(memory: u64, folder: &Path) -> NumberRows<N> {
-        NumberRows { groups: Spilled::new(memory, folder), last: Vec::new() }
-    }
-
-    pub fn len(&self) -> usize {
-        self.groups.len() * TOGETHER + self.last.len()
-    }
-
-    pub fn extend(&mut self, rows: impl Iterator<Item = [f32; N]>) -> Result<()> {
-        for row in rows {
-            self.last.push(row);
-            if self.last.len() == TOGETHER {
-                self.groups.push(std::mem::take(&mut self.last))?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Shows all rows in order, some at a time.
-    pub fn each(&self, mut each: impl FnMut(&[[f32; N]]) -> Result<()>) -> Result<()> {
-        for group in 0..self.groups.len() {
-            each(&self.groups.get(group)?)?;
-        }
-        each(&self.last)
-    }
-}
-
 /// The numbers of many points, in their order. Those that are not finite count as none.
 pub struct PointNumbers {
-    rows: NumberRows<1>,
+    all: LargeArray<f32>,
     finite: u64,
 }
 
 impl PointNumbers {
-    /// None yet, in so many bytes of memory, with a file in `folder` for what does not fit.
+    /// None yet, in so many bytes of memory, with a mapped file in `folder` for what does not fit.
     pub(super) fn new(memory: u64, folder: &Path) -> PointNumbers {
-        PointNumbers { rows: NumberRows::new(memory, folder), finite: 0 }
+        PointNumbers { all: LargeArray::new(&ArrayRoom::new(memory, folder)), finite: 0 }
     }
 
     pub(super) fn extend(&mut self, numbers: &[f32]) -> Result<()> {
         self.finite += numbers.iter().filter(|number| number.is_finite()).count() as u64;
-        self.rows.extend(numbers.iter().map(|&number| [number]))
+        self.all.extend_from_slice(numbers)
     }
 
     /// How many points there are, and how many of them have a number.
     pub fn counts(&self) -> (usize, usize) {
-        (self.rows.len(), self.finite as usize)
+        (self.all.len(), self.finite as usize)
     }
 
-    /// Shows all numbers in order.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn each(&self, mut each: impl FnMut(f64)) -> Result<()> {
-        self.rows.each(|rows| {
-            rows.iter().flatten().filter(|n| n.is_finite()).for_each(|&number| each(f64::from(number)));
-            Ok(())
-        })
+    /// All numbers in order.
+    pub fn iter(&self) -> impl Iterator<Item = f64> {
+        self.all.iter().filter(|number| number.is_finite()).map(|&number| f64::from(number))
     }
 
     /// What `of` makes of the numbers, at some places among all, from the least at 0: by counts of first halves, then of second.
-    ///
-    /// # Errors
-    /// As [`PointNumbers::each`].
-    pub fn at_ranks(&self, ranks: &[usize], of: impl Fn(f64) -> f64) -> Result<Vec<f64>> {
+    pub fn at_ranks(&self, ranks: &[usize], of: impl Fn(f64) -> f64) -> Vec<f64> {
         const HALF: usize = 1 << 16;
         let mut firsts = vec![0u64; HALF];
-        self.each(|number| firsts[(in_order(of(number) as f32) >> 16) as usize] += 1)?;
+        self.iter().for_each(|number| firsts[(in_order(of(number) as f32) >> 16) as usize] += 1);
         let place = |counts: &[u64], mut rank: u64| {
             let found = counts.iter().position(|&count| {
                 let is_here = rank < count;
@@ -117,17 +54,16 @@ impl PointNumbers {
         wanted.sort_unstable();
         wanted.dedup();
         let mut seconds = vec![vec![0u64; HALF]; wanted.len()];
-        self.each(|number| {
-            let key = in_order(of(number) as f32);
+        for key in self.iter().map(|number| in_order(of(number) as f32)) {
             if let Ok(n) = wanted.binary_search(&((key >> 16) as usize)) {
                 seconds[n][(key & 0xffff) as usize] += 1;
             }
-        })?;
+        }
         let number = |&(first, rank): &(usize, u64)| {
             let second = wanted.binary_search(&first).map_or(0, |n| place(&seconds[n], rank).0);
             f64::from(of_order((first as u32) << 16 | second as u32))
         };
-        Ok(places.iter().map(number).collect())
+        places.iter().map(number).collect()
     }
 }
 
@@ -193,15 +129,13 @@ mod tests {
             numbers.extend(&all).unwrap();
             all.retain(|number| number.is_finite());
             assert_eq!(numbers.counts(), (150_000, all.len()));
-            let mut sum = 0.0;
-            numbers.each(|number| sum += number).unwrap();
-            assert_eq!(sum, all.iter().map(|&n| f64::from(n)).sum::<f64>());
+            assert!(numbers.iter().eq(all.iter().map(|&n| f64::from(n))));
             all.sort_by(f32::total_cmp);
             let ranks = [0, 1, 17, all.len() / 2, all.len() - 2, all.len() - 1];
-            let told = numbers.at_ranks(&ranks, |value| value).unwrap();
+            let told = numbers.at_ranks(&ranks, |value| value);
             assert_eq!(told, ranks.map(|rank| f64::from(all[rank])));
             all.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
-            let told = numbers.at_ranks(&ranks, f64::abs).unwrap();
+            let told = numbers.at_ranks(&ranks, f64::abs);
             assert_eq!(told, ranks.map(|rank| f64::from(all[rank].abs())));
         }
         assert!(

@@ -202,9 +202,9 @@ impl<'a> OffsetField<'a> {
 
     /// The nearest point of the surface, which is likely to be within so many cells.
     fn closest(&self, from: [f64; 3], within: f64) -> Result<Foot> {
-        match self.surface.closest(from, within)? {
+        match self.surface.closest(from, within) {
             Some(foot) => Ok(foot),
-            None => self.surface.closest(from, f64::INFINITY)?.ok_or_else(no_surface),
+            None => self.surface.closest(from, f64::INFINITY).ok_or_else(no_surface),
         }
     }
 

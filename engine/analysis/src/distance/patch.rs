@@ -8,6 +8,7 @@ pub(super) use super::quadratic::{Crossing, Shape};
 use super::quadratic::{bent, roots, slope, solved};
 use super::triangle::{nearest_of_triangle, through_triangle};
 use crate::lattice::{dot, frame, minus};
+use bytemuck::{Pod, Zeroable};
 
 /// Below this height of all corners over the tangent plane, in cells, a polygon is plane.
 const PLANE: f64 = 1e-5;
@@ -22,7 +23,8 @@ const STEPS: usize = 4;
 const EVEN: f64 = 1e-3;
 
 /// The surface around a crossing; lengths in cells, places counted from the leaf's corner.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Patch {
     /// The crossing.
     pub at: [f32; 3],
@@ -35,7 +37,8 @@ pub(super) struct Patch {
     /// Its corners among those of the leaf.
     pub first: u32,
     pub count: u16,
-    pub shape: Shape,
+    /// See [`Patch::shape`].
+    code: u16,
 }
 
 /// A point of a patch.
@@ -135,7 +138,16 @@ impl Patch {
             radius: (farthest.max((flat + rise * rise).sqrt()) + 1e-4) as f32,
             first: first as u32,
             count: local.len() as u16,
-            shape,
+            code: shape as u16,
+        }
+    }
+
+    /// How it bends.
+    pub fn shape(&self) -> Shape {
+        match self.code {
+            0 => Shape::Plane,
+            1 => Shape::Bent,
+            _ => Shape::Rough,
         }
     }
 
@@ -158,7 +170,7 @@ impl Patch {
     pub fn slab<'a>(&self, rings: &'a [[f32; 3]]) -> (impl Iterator<Item = [f64; 3]> + use<'a>, f64) {
         let (at, normal) = (self.at.map(f64::from), self.normal.map(f64::from));
         let [u, v] = frame(normal);
-        let is_bent = self.shape == Shape::Bent;
+        let is_bent = self.shape() == Shape::Bent;
         let ring = self.ring(rings);
         let corners = ring.iter().map(move |c| {
             let [x, y, z] = c.map(f64::from);
@@ -208,7 +220,7 @@ impl Patch {
     /// The unit normal of the quadratic form so far away from the crossing.
     pub fn normal_at(&self, away: [f64; 3]) -> [f64; 3] {
         let normal = self.normal.map(f64::from);
-        if self.shape != Shape::Bent {
+        if self.shape() != Shape::Bent {
             return normal;
         }
         let [u, v] = frame(normal);
@@ -221,7 +233,7 @@ impl Patch {
     pub fn is_beyond(&self, square: f64, height: f64, within: f64) -> bool {
         let radius = f64::from(self.radius);
         let reach = square.sqrt() - radius;
-        if self.shape == Shape::Rough || reach > 0.0 && reach * reach > within {
+        if self.shape() == Shape::Rough || reach > 0.0 && reach * reach > within {
             return reach > 0.0 && reach * reach > within;
         }
         let beside = (square - height * height).max(0.0).sqrt();
@@ -268,7 +280,7 @@ impl Patch {
         let [u, v] = frame(normal);
         let (x0, z0) = ([dot(away, u), dot(away, v)], dot(away, normal));
         let ring = self.ring(rings);
-        let touch = match self.shape {
+        let touch = match self.shape() {
             Shape::Plane => {
                 let x = clamped(ring, x0);
                 let squared = (x[0] - x0[0]).powi(2) + (x[1] - x0[1]).powi(2) + z0 * z0;
@@ -365,7 +377,7 @@ impl Patch {
             let through = dot(turned, d);
             t > least && t < most && through.abs() > GRAZING && (through > 0.0) == outward
         };
-        if self.shape == Shape::Rough {
+        if self.shape() == Shape::Rough {
             let local = ([x0[0], x0[1], z0], [dx[0], dx[1], dz]);
             return (0..ring.len())
                 .filter_map(|n| {
@@ -467,7 +479,7 @@ mod tests {
                 (place([x, y, height([x, y])]), turned)
             });
             let patch = Patch::new((at, normal), &corners, &beside, &mut ring);
-            bent += u32::from(patch.shape == Shape::Bent);
+            bent += u32::from(patch.shape() == Shape::Bent);
             let [low, high] = patch.block(&ring);
             for (i, j) in (0..=8).flat_map(|i| (0..=8).map(move |j| (i, j))) {
                 // A place of the polygon, by its corners.
@@ -485,7 +497,7 @@ mod tests {
     fn a_patch_of_a_ball_is_the_ball() {
         for radius in [2.5, 4.0, 10.0, 100.0] {
             let (patch, ring) = of_ball(radius, [0.3, -0.5, 0.8]);
-            assert_eq!(patch.shape, Shape::Bent);
+            assert_eq!(patch.shape(), Shape::Bent);
             let tolerance = 0.1 / radius.powi(3);
             for away in [-0.5 * radius, -0.1, 0.0, 0.2, 3.0] {
                 let (n, [u, v]) = (unit([0.3, -0.5, 0.8]), frame(unit([0.3, -0.5, 0.8])));
@@ -514,7 +526,7 @@ mod tests {
             let random = |a: u64| crate::lattice::mix(8 * n + a) as f64 / u64::MAX as f64 - 0.5;
             let bend = [0, 1, 2].map(|a| (1.2 * random(a)) as f32);
             let (at, normal) = ([0.0; 3], [0.0, 0.0, 1.0]);
-            let patch = Patch { at, normal, bend, radius: 1.5, first: 0, count: 4, shape: Shape::Bent };
+            let patch = Patch { at, normal, bend, radius: 1.5, first: 0, count: 4, code: 1 };
             let from = [3, 4, 5].map(|a| 6.0 * random(a));
             let [xx, xy, yy] = bend.map(|b| f64::from(b) * from[2]);
             if solved([1.0 - xx, -xy, 1.0 - yy], [0.0; 2]).is_some() {
@@ -540,7 +552,7 @@ mod tests {
         let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
         let mut ring = Vec::new();
         let patch = Patch::new(([0.25, 0.0, 0.0], [0.0, 0.0, 1.0]), &corners, &[], &mut ring);
-        assert_eq!(patch.shape, Shape::Plane);
+        assert_eq!(patch.shape(), Shape::Plane);
         assert!((patch.area(&ring) - 4.0).abs() < 1e-6);
         let touch = patch.nearest(&ring, [0.5, -0.75, 3.0], f64::INFINITY).unwrap();
         assert_eq!((touch.squared, touch.at), (9.0, [0.5, -0.75, 0.0]));
@@ -554,7 +566,7 @@ mod tests {
         let corners = [[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.2], [-0.5, 0.5, 0.0]];
         let mut ring = Vec::new();
         let patch = Patch::new(([0.0; 3], [0.0, 0.0, 1.0]), &corners, &[], &mut ring);
-        assert_eq!(patch.shape, Shape::Rough);
+        assert_eq!(patch.shape(), Shape::Rough);
         let touch = patch.nearest(&ring, [0.5, 0.5, 0.3], f64::INFINITY).unwrap();
         assert!((touch.squared.sqrt() - 0.1).abs() < 0.02);
     }

@@ -17,7 +17,6 @@ pub(super) type Crossing = ([f64; 3], [f64; 3]);
 
 /// How a patch bends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
 pub(super) enum Shape {
     Plane = 0,
     /// By a quadratic form.

@@ -6,7 +6,6 @@ use super::boxes::{Block, Lanes, Normals, Probe, Question, WIDE, reciprocals};
 use super::patch::{Patch, Shape, Touch};
 use super::piece::Piece;
 use super::sift::{PieceBall, within_reach};
-use crate::error::Result;
 use crate::lattice::{dot, minus};
 use crate::wide::{Select, Simd, SimdBase, SimdMask, f32x8};
 
@@ -46,7 +45,7 @@ pub(super) trait PatchQuestion {
 
 /// A question to the patches of one piece.
 pub(super) struct OfPiece<'a, Q> {
-    pub piece: &'a Piece,
+    pub piece: Piece<'a>,
     pub leaf: u32,
     pub question: &'a mut Q,
 }
@@ -64,12 +63,12 @@ impl<Q: PatchQuestion> Question for OfPiece<'_, Q> {
 
     #[inline(always)]
     fn sift<S: Simd>(&self, simd: S, first: usize) -> u64 {
-        self.question.sift(simd, self.piece, first)
+        self.question.sift(simd, &self.piece, first)
     }
 
     #[inline]
-    fn visit(&mut self, thing: usize) -> Result<bool> {
-        Ok(self.question.visit(self.piece, Place { leaf: self.leaf, patch: thing as u32 }))
+    fn visit(&mut self, thing: usize) -> bool {
+        self.question.visit(&self.piece, Place { leaf: self.leaf, patch: thing as u32 })
     }
 }
 
@@ -110,9 +109,9 @@ impl Question for PiecesIn {
         true
     }
 
-    fn visit(&mut self, piece: usize) -> Result<bool> {
+    fn visit(&mut self, piece: usize) -> bool {
         self.found.push(piece);
-        Ok(false)
+        false
     }
 }
 
@@ -185,7 +184,7 @@ impl PatchQuestion for NearestQuery {
 
     fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let local = minus(self.from, piece.base);
-        if let Some(touch) = piece.patch(place).nearest(&piece.rings, local, self.most()) {
+        if let Some(touch) = piece.patch(place).nearest(piece.rings, local, self.most()) {
             self.take(touch, local, piece.base, place);
         }
         false
@@ -274,7 +273,7 @@ impl PatchQuestion for RayQuery {
     fn visit(&mut self, piece: &Piece, place: Place) -> bool {
         let local = minus(self.from, piece.base);
         let ray = (local, self.toward);
-        let met = piece.patch(place).met(&piece.rings, ray, [LEAVE, self.most], self.outward);
+        let met = piece.patch(place).met(piece.rings, ray, [LEAVE, self.most], self.outward);
         if let Some((distance, normal)) = met {
             let at = along(self.from, self.toward, distance);
             self.most = distance;
@@ -328,7 +327,7 @@ impl Ball {
         let local = minus(self.at, piece.base);
         for _ in 0..STEPS {
             let centre = minus(self.centre, piece.base);
-            let Some(touch) = patch.nearest(&piece.rings, centre, self.within(patch.shape)) else { return };
+            let Some(touch) = patch.nearest(piece.rings, centre, self.within(patch.shape())) else { return };
             let away = minus(touch.at, local);
             let depth = dot(away, self.toward);
             let facing = dot(touch.normal, self.outward);

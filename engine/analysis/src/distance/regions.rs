@@ -60,7 +60,7 @@ pub(super) fn marked<L: Default>(
     let make = |_: &mut (), leaf: usize| {
         progress.check()?;
         let (mut found, mut last) = (Vec::new(), L::default());
-        for (n, patch) in surface.patches_of(leaf)?.into_iter().enumerate() {
+        for (n, patch) in surface.patches_of(leaf).into_iter().enumerate() {
             if let Some((value, opposite)) = value(&mut last, &patch)? {
                 found.push(WeightedPatch {
                     place: Place { leaf: leaf as u32, patch: n as u32 },

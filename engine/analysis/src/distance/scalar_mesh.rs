@@ -1,11 +1,12 @@
 //! The mesh of a store as a file whose vertices have a number: PLY, VTK's PolyData, or binary glTF.
 
-use super::numbers::{NumberRows, PointNumbers, numbers};
+use super::numbers::{PointNumbers, numbers};
 use crate::contour::{
     Coordinates, GlbSink, MeshChunk, MeshEncoding, MeshSink, NumbersOf, TriangleBytes, VertexBytes, VtpFile,
     placed, ply_faces, vtp_corners, write_triangles,
 };
 use crate::error::Result;
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::part::PartFile;
 use crate::progress::Progress;
 use std::path::{Path, PathBuf};
@@ -21,12 +22,12 @@ enum ScalarFile {
     Glb(GlbSink),
 }
 
-/// A mesh with shared vertices and a number of 32 bits for each. Positions wait, in memory or in a file, until
+/// A mesh with shared vertices and a number of 32 bits for each. Positions wait, in memory or in a mapped file, until
 /// [`ScalarMesh::fill`] has their numbers.
 pub struct ScalarMesh {
     file: ScalarFile,
     property: &'static str,
-    positions: NumberRows<3>,
+    positions: LargeArray<[f32; 3]>,
     /// Where positions count from.
     base: [f64; 3],
     /// Whether the file has their places in the world, with 64 bits.
@@ -75,7 +76,7 @@ impl ScalarMesh {
             Some("glb") => ScalarFile::Glb(GlbSink::with_numbers(file, metres, property)?),
             _ => ScalarFile::Ply(file),
         };
-        let positions = NumberRows::new(memory / 2, folder);
+        let positions = LargeArray::new(&ArrayRoom::new(memory / 2, folder));
         let folder = folder.to_owned();
         let mut mesh = ScalarMesh { file, property, positions, base, is_double, memory, folder, faces: 0 };
         let head = mesh.ply_head();
@@ -91,22 +92,9 @@ impl ScalarMesh {
     }
 
     /// Positions of every so manieth vertex, so that these are at most so many.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn some_positions(&self, most: usize) -> Result<Vec<[f64; 3]>> {
+    pub fn some_positions(&self, most: usize) -> Vec<[f64; 3]> {
         let step = self.positions.len().div_ceil(most).max(1);
-        let (mut some, mut number) = (Vec::new(), 0usize);
-        self.positions.each(|positions| {
-            for position in positions {
-                if number.is_multiple_of(step) {
-                    some.push(placed(self.base, *position));
-                }
-                number += 1;
-            }
-            Ok(())
-        })?;
-        Ok(some)
+        self.positions.iter().step_by(step).map(|position| placed(self.base, *position)).collect()
     }
 
     /// How many vertices and triangles it has.
@@ -124,35 +112,33 @@ impl ScalarMesh {
         number: impl Fn(&mut L, [f64; 3]) -> Result<f32> + Sync,
     ) -> Result<PointNumbers> {
         let head = self.ply_head();
-        let positions = std::mem::replace(&mut self.positions, NumberRows::new(0, &self.folder));
+        let positions = std::mem::take(&mut self.positions);
         let mut found = PointNumbers::new(self.memory / 2, &self.folder);
         progress.phase(self.property, Some(positions.len() as u64), "vertices");
         let mut at = head.len() as u64;
         let mut bytes = Vec::new();
         let (file, base, is_double) = (&mut self.file, self.base, self.is_double);
-        positions.each(|positions| {
-            numbers(
-                positions,
-                progress,
-                |last, p| number(last, placed(base, p)),
-                |positions, numbers| {
-                    bytes.clear();
-                    match file {
-                        ScalarFile::Ply(file) => {
-                            rows((positions, numbers), is_double.then_some(base), &mut bytes);
-                            file.overwrite(at, &bytes)?;
-                            at += bytes.len() as u64;
-                        }
-                        ScalarFile::Vtp(file) => {
-                            bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
-                            file.numbers(0, &bytes)?;
-                        }
-                        ScalarFile::Glb(file) => file.numbers(numbers)?,
+        numbers(
+            &positions,
+            progress,
+            |last, p| number(last, placed(base, p)),
+            |positions, numbers| {
+                bytes.clear();
+                match file {
+                    ScalarFile::Ply(file) => {
+                        rows((positions, numbers), is_double.then_some(base), &mut bytes);
+                        file.overwrite(at, &bytes)?;
+                        at += bytes.len() as u64;
                     }
-                    found.extend(numbers)
-                },
-            )
-        })?;
+                    ScalarFile::Vtp(file) => {
+                        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+                        file.numbers(0, &bytes)?;
+                    }
+                    ScalarFile::Glb(file) => file.numbers(numbers)?,
+                }
+                found.extend(numbers)
+            },
+        )?;
         if let ScalarFile::Ply(file) = &mut self.file {
             file.overwrite(0, head.as_bytes())?;
         }
@@ -220,7 +206,7 @@ impl MeshSink for ScalarMesh {
                     ScalarFile::Vtp(file) => file.points(count, bytes)?,
                     ScalarFile::Glb(file) => file.encoded(part)?,
                 }
-                self.positions.extend(positions.into_iter())
+                self.positions.extend_from_slice(&positions)
             }
             MeshChunk::Triangles(count, bytes) => {
                 self.faces += count as u64;

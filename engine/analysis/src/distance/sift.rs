@@ -68,8 +68,8 @@ pub(super) fn within_reach<S: Simd>(simd: S, patches: &[Patch], ball: &PieceBall
 
     let (mut bent, mut rough) = (0, 0);
     for (n, patch) in patches.iter().enumerate() {
-        bent |= u64::from(patch.shape == Shape::Bent) << n;
-        rough |= u64::from(patch.shape == Shape::Rough) << n;
+        bent |= u64::from(patch.shape() == Shape::Bent) << n;
+        rough |= u64::from(patch.shape() == Shape::Rough) << n;
     }
     let is_bent = mask64x8::from_bitmask(simd, bent);
     let within = is_bent.select(number(ball.within[0]), number(ball.within[1]));
@@ -162,7 +162,7 @@ mod tests {
                 let normal = patch.normal.map(f64::from);
                 let [u, v] = crate::lattice::frame(normal);
                 let away = minus(ball.centre, patch.at.map(f64::from));
-                let is_bent = patch.shape == Shape::Bent;
+                let is_bent = patch.shape() == Shape::Bent;
                 let within = ball.within[usize::from(!is_bent)];
                 let [x, y, z] = [dot(away, u), dot(away, v), dot(away, normal)];
                 let is_out = dot(normal, ball.outward) - f64::from(patch.turn()) > ball.apart
@@ -170,7 +170,7 @@ mod tests {
                     || is_bent && patch.bent_is_beyond([x, y], z, within);
                 assert_eq!(found >> n & 1 == 0, is_out, "{patch:?}");
                 reached += usize::from(!is_out);
-                shapes[patch.shape as usize] += 1;
+                shapes[patch.shape() as usize] += 1;
             }
             assert_eq!(found >> count, 0);
         }

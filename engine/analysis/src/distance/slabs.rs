@@ -1,6 +1,6 @@
 //! Round slabs around what is in boxes: along the middle of its normals, surface is far thinner than its box.
 
-use super::boxes::{Boxes, Lanes, Normals, Probe, WIDE, lanes_of, widened};
+use super::boxes::{Boxes, Lanes, NodeLevels, Normals, Probe, WIDE, lanes_of, widened};
 use crate::wide::{Select, Simd, SimdBase, SimdFloat, f32x8};
 
 /// Half thicknesses of what is in a box are counted in such parts of half of its diagonal.
@@ -64,11 +64,10 @@ impl Boxes {
     /// With slabs around things that have normals, by points of which each thing is the hull but for a margin.
     pub fn with_slabs<P: Iterator<Item = [f32; 3]>>(mut self, points: impl Fn(usize) -> (P, f32)) -> Boxes {
         let mut things_below = self.per_run;
-        for level in 0..self.levels.len() {
-            let end = self.levels.get(level + 1).copied().unwrap_or(self.nodes.len());
-            for at in self.levels[level]..end {
+        for nodes in NodeLevels::over(self.things.div_ceil(self.per_run)).ranges() {
+            for at in nodes.clone() {
                 for slot in 0..WIDE {
-                    let first = ((at - self.levels[level]) * WIDE + slot) * things_below;
+                    let first = ((at - nodes.start) * WIDE + slot) * things_below;
                     let last = (first + things_below).min(self.things);
                     if first < last {
                         self.normals[at].thick[slot] = self.thick(at, slot, (first..last).map(&points));
@@ -138,7 +137,7 @@ mod tests {
             let beside = three(ball + 6_000_000).map(|c| 20.0 * c);
             let centre: [f64; 3] = std::array::from_fn(|a| beside[a] + radius * normal[a]);
             let probe = Probe::new(centre, boxes.size());
-            for (node, first) in (0..boxes.levels.get(1).copied().unwrap_or(1)).map(|n| (n, n * WIDE)) {
+            for (node, first) in (0..points.len().div_ceil(WIDE)).map(|n| (n, n * WIDE)) {
                 let mut near = [0.0; WIDE];
                 let (lanes, normals) = (&boxes.nodes[node], &boxes.normals[node]);
                 dispatch!(level(), simd => {

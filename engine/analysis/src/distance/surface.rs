@@ -3,9 +3,9 @@
 use super::answers::{BallAt, Foot, Place};
 use super::boxes::{Block, Boxes, Lanes, Normals, Question};
 use super::patch::Patch;
-use super::piece::Piece;
+use super::piece::{NewPiece, Piece, base_of};
+use super::pieces::SurfacePieces;
 use super::questions::{Ball, NearestQuery, NormalAround, OfPiece, PatchQuestion, PiecesIn, RayQuery};
-use super::spilled::Spilled;
 use crate::contour::{Bend, edge_facets};
 use crate::error::{Error, Result};
 use crate::lattice::{NodeKey, RootCube, length, minus, spacing_bits};
@@ -17,23 +17,22 @@ use std::path::Path;
 /// How far below the surface the solid is asked whose it is, in cells.
 const INNER: f64 = 0.3;
 
-/// The surface w = 0.5 of a tree, made once: about 150 bytes a vertex of its mesh, in a file beside memory where they are more
-/// than allowed.
+/// The surface w = 0.5 of a tree, made once: about 150 bytes a vertex of its mesh, in mapped files beside memory where they are
+/// more than allowed.
 pub struct Surface {
     root: RootCube,
     deepest: u8,
     keys: Vec<NodeKey>,
-    pieces: Spilled<Piece>,
+    pieces: SurfacePieces,
     boxes: Boxes,
-    patches: u64,
     memory: u64,
 }
 
 impl Surface {
-    /// Of a tree, in so many bytes of memory, with a file in `folder` for what does not fit.
+    /// Of a tree, in so many bytes of memory, with files in `folder` for what does not fit.
     ///
     /// # Errors
-    /// What contouring and the file give.
+    /// What contouring and the files give.
     pub fn new(tree: &dyn BrickTree, memory: u64, folder: &Path, progress: &dyn Progress) -> Result<Surface> {
         let (root, deepest) = (tree.root(), tree.deepest_level());
         // Facets have coordinates of 32 bits: far from the origin they are those of a tree about its middle.
@@ -42,12 +41,12 @@ impl Surface {
         let is_crossed =
             |key: &NodeKey| tree.node(*key).is_some_and(|node| node.leaf && node.min < 1 && node.max >= 1);
         let crossed = tree.keys().iter().filter(|key| is_crossed(key)).count();
-        let (mut keys, mut pieces, mut patches) = (Vec::new(), Spilled::of_about(crossed, memory, folder), 0);
+        let (mut keys, mut pieces) = (Vec::new(), SurfacePieces::new(crossed, deepest, (memory, folder)));
         let (mut blocks, mut normals) = (Vec::new(), Vec::new());
         let caches = (memory / 2).clamp(16 << 20, 512 << 20);
         let make = |key: NodeKey, facets: &[_]| {
             let brick = tree.brick(key)?;
-            Ok(Piece::new(placed.root(), deepest, key, &brick, facets).map(|piece| (key, piece)))
+            Ok(NewPiece::new(placed.root(), deepest, key, &brick, facets).map(|piece| (key, piece)))
         };
         edge_facets(
             placed,
@@ -55,17 +54,16 @@ impl Surface {
             (Bend::Strong, |_| true),
             progress,
             make,
-            |made: Option<(NodeKey, Piece)>| {
+            |made: Option<(NodeKey, NewPiece)>| {
                 let Some((key, piece)) = made else { return Ok(()) };
                 keys.push(key);
-                blocks.push(piece.block());
+                blocks.push(piece.block(base_of(key, deepest)));
                 normals.push(piece.normals());
-                patches += piece.patches.len() as u64;
-                pieces.push(piece)
+                pieces.push(&piece)
             },
         )?;
         let boxes = Boxes::new(blocks.into_iter(), 1).with_normals(normals.into_iter());
-        Ok(Surface { root, deepest, keys, pieces, boxes, patches, memory })
+        Ok(Surface { root, deepest, keys, pieces, boxes, memory })
     }
 
     /// The cube that the tree divides.
@@ -85,7 +83,7 @@ impl Surface {
 
     /// How many patches there are: one for each crossing.
     pub fn patches(&self) -> u64 {
-        self.patches
+        self.pieces.patches() as u64
     }
 
     /// Leaves that have patches, in Morton order.
@@ -123,20 +121,21 @@ impl Surface {
         Err(Error::setting(what, remedy))
     }
 
-    /// Calls `each` with a piece.
-    pub(super) fn with<R>(&self, leaf: usize, each: impl FnOnce(&Piece) -> Result<R>) -> Result<R> {
-        self.pieces.with(leaf, each)
+    /// The patches of a leaf.
+    #[inline]
+    pub(super) fn piece(&self, leaf: usize) -> Piece<'_> {
+        self.pieces.of(leaf, self.keys[leaf])
     }
 
     /// Leaves whose patches may meet a block of cells, in Morton order.
-    pub(super) fn pieces_in(&self, block: Block) -> Result<Vec<usize>> {
+    pub(super) fn pieces_in(&self, block: Block) -> Vec<usize> {
         let mut pieces = PiecesIn::new(block);
-        self.boxes.search(&mut pieces)?;
-        Ok(pieces.found())
+        self.boxes.search(&mut pieces);
+        pieces.found()
     }
 
     /// Asks all patches, those in near boxes first.
-    pub(super) fn ask<Q: PatchQuestion>(&self, mut question: Q) -> Result<Q> {
+    pub(super) fn ask<Q: PatchQuestion>(&self, mut question: Q) -> Q {
         struct OfAll<'a, Q>(&'a Surface, &'a mut Q);
         impl<Q: PatchQuestion> Question for OfAll<'_, Q> {
             #[inline(always)]
@@ -149,95 +148,72 @@ impl Surface {
                 self.1.counts(nearness)
             }
 
-            fn visit(&mut self, leaf: usize) -> Result<bool> {
+            fn visit(&mut self, leaf: usize) -> bool {
                 let OfAll(surface, question) = self;
-                surface.with(leaf, |piece| {
-                    question.count_from(piece.base, piece.boxes.size());
-                    piece.boxes.search(&mut OfPiece { piece, leaf: leaf as u32, question: *question })
-                })?;
+                let piece = surface.piece(leaf);
+                question.count_from(piece.base, piece.boxes.size());
+                piece.boxes.search(&mut OfPiece { piece, leaf: leaf as u32, question: *question });
                 question.count_from([0.0; 3], surface.boxes.size());
-                Ok(false)
+                false
             }
         }
         question.count_from([0.0; 3], self.boxes.size());
-        self.boxes.search(&mut OfAll(self, &mut question))?;
-        Ok(question)
+        self.boxes.search(&mut OfAll(self, &mut question));
+        question
     }
 
     /// The point of the surface that is nearest to a place, if it is within so many cells. Of a crease it is that of the side
     /// that sees the place best, so that its normal tells the sign of the distance.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn closest(&self, from: [f64; 3], within: f64) -> Result<Option<Foot>> {
-        Ok(self.ask(NearestQuery::new(from, within))?.best())
+    pub fn closest(&self, from: [f64; 3], within: f64) -> Option<Foot> {
+        self.ask(NearestQuery::new(from, within)).best()
     }
 
     /// The normal of the surface around a foot, from all patches that are near: facets of the input turn it by less than the
     /// normal of one crossing. Patches beyond edges do not count.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn normal_around(&self, at: [f64; 3], normal: [f64; 3]) -> Result<[f64; 3]> {
-        Ok(self.ask(NormalAround::new(at, normal))?.around.normal())
+    pub fn normal_around(&self, at: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
+        self.ask(NormalAround::new(at, normal)).around.normal()
     }
 
     /// Where a ray first passes the surface, going out of the part or into it, if within so many cells. `toward` is a unit
     /// vector. Surfaces that are passed nearly along themselves do not count.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn ray(&self, from: [f64; 3], toward: [f64; 3], most: f64, outward: bool) -> Result<Option<Foot>> {
-        Ok(self.ask(RayQuery::new(from, toward, most, outward))?.first)
+    pub fn ray(&self, from: [f64; 3], toward: [f64; 3], most: f64, outward: bool) -> Option<Foot> {
+        self.ask(RayQuery::new(from, toward, most, outward)).first
     }
 
     /// The radius of the largest ball that touches a place with unit normal `toward` on this side of it, holds no point of the
     /// surface, and is no larger than `most`; with the point that bounds it. Surface whose normal is turned by less than
     /// `apart`, a cosine, against the normal at the place does not count.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn ball(&self, touch: BallAt, most: f64, apart: f64) -> Result<(f64, Option<Foot>)> {
-        let ball = self.ask(Ball::new(touch, most, apart))?;
-        Ok((ball.radius, ball.contact))
+    pub fn ball(&self, touch: BallAt, most: f64, apart: f64) -> (f64, Option<Foot>) {
+        let ball = self.ask(Ball::new(touch, most, apart));
+        (ball.radius, ball.contact)
     }
 
     /// The largest ball as far as one patch bounds it: what bounds the ball at a place often bounds that of a place beside.
-    ///
-    /// # Errors
-    /// What reading the file gives.
     pub(super) fn ball_before(
         &self,
         touch: BallAt,
         most: f64,
         apart: f64,
         patch: Place,
-    ) -> Result<(f64, Option<Foot>)> {
+    ) -> (f64, Option<Foot>) {
         let mut ball = Ball::new(touch, most, apart);
-        self.with(patch.leaf as usize, |piece| {
-            ball.visit(piece, patch);
-            Ok(())
-        })?;
-        Ok((ball.radius, ball.contact))
+        ball.visit(&self.piece(patch.leaf as usize), patch);
+        (ball.radius, ball.contact)
     }
 
     /// Patches of a leaf: where each is, its normal, and its area, in cells.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn patches_of(&self, leaf: usize) -> Result<Vec<PatchInfo>> {
-        self.with(leaf, |piece| {
-            let info = |patch: &Patch| PatchInfo {
-                at: std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]),
-                normal: patch.normal.map(f64::from),
-                area: patch.area(&piece.rings),
-                corners: patch
-                    .corners(&piece.rings)
-                    .map(|c| std::array::from_fn(|a| ((c[a] + piece.base[a]) * 512.0).round() as i64))
-                    .collect(),
-            };
-            Ok(piece.patches.iter().map(info).collect())
-        })
+    pub fn patches_of(&self, leaf: usize) -> Vec<PatchInfo> {
+        let piece = self.piece(leaf);
+        let info = |patch: &Patch| PatchInfo {
+            at: std::array::from_fn(|a| f64::from(patch.at[a]) + piece.base[a]),
+            normal: patch.normal.map(f64::from),
+            area: patch.area(piece.rings),
+            corners: patch
+                .corners(piece.rings)
+                .map(|c| std::array::from_fn(|a| ((c[a] + piece.base[a]) * 512.0).round() as i64))
+                .collect(),
+        };
+        piece.patches.iter().map(info).collect()
     }
 
     /// Fails where there is no surface at all.

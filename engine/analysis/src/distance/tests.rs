@@ -126,7 +126,7 @@ fn errors(shape: SignedDistance<'_>) -> (f64, f64) {
     let (mut squares, mut largest, mut count) = (0.0, 0.0f64, 0.0);
     for point in points(3000) {
         let expected = shape(point);
-        let foot = surface.closest(surface.to_cells(point), 100.0).unwrap().unwrap();
+        let foot = surface.closest(surface.to_cells(point), 100.0).unwrap();
         let distance = if foot.inside { -foot.distance } else { foot.distance };
         let error = (distance - expected).abs();
         assert!(expected.abs() < 0.03 || foot.inside == (expected < 0.0), "{point:?}: {distance} {expected}");
@@ -161,11 +161,11 @@ fn the_nearest_point_is_the_same_whatever_is_known_before() {
     let mut beside_edges = 0;
     for point in points(500) {
         let at = surface.to_cells(point);
-        let foot = surface.closest(at, f64::INFINITY).unwrap().unwrap();
+        let foot = surface.closest(at, f64::INFINITY).unwrap();
         let way: [f64; 3] = std::array::from_fn(|a| (at[a] - foot.at[a]) / foot.distance);
         beside_edges += usize::from(dot(way, foot.normal).abs() < 0.99);
         for within in [1.0 + 1e-12, 1.0 + 1e-6, 1.01, 2.0] {
-            let again = surface.closest(at, within * foot.distance).unwrap().unwrap();
+            let again = surface.closest(at, within * foot.distance).unwrap();
             assert_eq!(
                 (again.place, again.at, again.inside),
                 (foot.place, foot.at, foot.inside),
@@ -183,8 +183,8 @@ fn thickness(shape: SignedDistance<'_>, options: Options, truth: impl Fn([f64; 3
     let (mut relative, mut excess) = (Vec::new(), 0.0f64);
     let mut last = PreviousContact::default();
     for leaf in 0..surface.leaves().len() {
-        for patch in surface.patches_of(leaf).unwrap() {
-            let measured = at(&surface, (patch.at, patch.normal), options, &mut last).unwrap();
+        for patch in surface.patches_of(leaf) {
+            let measured = at(&surface, (patch.at, patch.normal), options, &mut last);
             let expected = truth(surface.to_world(patch.at));
             let error = (measured.value - expected).abs();
             relative.push(error / expected);
@@ -259,14 +259,14 @@ fn balls_in_an_ellipsoid_whose_centres_lie_on_its_axis() {
     let (mut relative, mut excess) = (Vec::new(), 0.0f64);
     let mut last = PreviousContact::default();
     for leaf in 0..surface.leaves().len() {
-        for patch in surface.patches_of(leaf).unwrap() {
+        for patch in surface.patches_of(leaf) {
             let place = surface.to_world(patch.at);
             let z = turned(minus(place, middle))[2];
             // The evolute ends on the axis at c - a²/c.
             if z.abs() > 15.0 {
                 continue;
             }
-            let measured = at(&surface, (patch.at, patch.normal), options, &mut last).unwrap();
+            let measured = at(&surface, (patch.at, patch.normal), options, &mut last);
             let error = (measured.value - truth(place)).abs();
             relative.push(error / truth(place));
             excess = excess.max(error - 0.005 * truth(place));

@@ -57,39 +57,36 @@ pub(super) fn farthest(surface: &Surface) -> f64 {
 pub struct PreviousContact(Option<Place>);
 
 /// At a point of the surface with its outward unit normal, in cells.
-///
-/// # Errors
-/// What reading the surface gives.
 pub fn at(
     surface: &Surface,
     (place, outward): ([f64; 3], [f64; 3]),
     options: Options,
     last: &mut PreviousContact,
-) -> Result<Measured> {
-    let outward = surface.normal_around(place, outward)?;
+) -> Measured {
+    let outward = surface.normal_around(place, outward);
     let toward = if options.gaps { outward } else { outward.map(|c| -c) };
     let most = farthest(surface);
     match options.method {
         Method::Ray => {
-            let Some(hit) = surface.ray(place, toward, most, !options.gaps)? else {
+            let Some(hit) = surface.ray(place, toward, most, !options.gaps) else {
                 // Near an edge a ray may pass between two patches that do not quite meet. A ball does not.
                 let apart = BESIDE.to_radians().cos();
-                let (radius, contact) = surface.ball(BallAt { at: place, toward, outward }, most, apart)?;
-                return Ok(contact.map_or(NOTHING, |contact| Measured {
+                let (radius, contact) = surface.ball(BallAt { at: place, toward, outward }, most, apart);
+                return contact.map_or(NOTHING, |contact| Measured {
                     value: 2.0 * radius,
                     opposite: Some(contact.place),
-                }));
+                });
             };
-            Ok(Measured { value: hit.distance, opposite: Some(hit.place) })
+            Measured { value: hit.distance, opposite: Some(hit.place) }
         }
         Method::Sphere { separation } => {
             let apart = separation.to_radians().cos();
             let touch = BallAt { at: place, toward, outward };
-            let found = largest_ball(surface, touch, (most, apart), !options.gaps, last)?;
-            Ok(found.map_or(NOTHING, |(radius, bound)| Measured {
+            let found = largest_ball(surface, touch, (most, apart), !options.gaps, last);
+            found.map_or(NOTHING, |(radius, bound)| Measured {
                 value: 2.0 * radius,
                 opposite: Some(bound.place),
-            }))
+            })
         }
     }
 }
@@ -102,48 +99,41 @@ pub(super) fn largest_ball(
     (most, apart): (f64, f64),
     is_inside: bool,
     last: &mut PreviousContact,
-) -> Result<Option<(f64, Foot)>> {
+) -> Option<(f64, Foot)> {
     let mut begin = (most, None);
     if let Some(patch) = last.0 {
-        begin = surface.ball_before(touch, most, apart, patch)?;
+        begin = surface.ball_before(touch, most, apart, patch);
     }
     if begin.1.is_none() {
         // What a ray meets bounds the ball, too, so that it starts small.
-        let through = surface.ray(touch.at, touch.toward, most, is_inside)?;
+        let through = surface.ray(touch.at, touch.toward, most, is_inside);
         let seed = through.filter(|hit: &Foot| dot(hit.normal, touch.outward) <= apart);
         begin = (seed.map_or(most, |hit| (0.5 * hit.distance).min(most)), seed);
     }
-    let (radius, contact) = surface.ball(touch, begin.0, apart)?;
-    let Some(bound) = contact.or(begin.1) else { return Ok(None) };
+    let (radius, contact) = surface.ball(touch, begin.0, apart);
+    let bound = contact.or(begin.1)?;
     last.0 = Some(bound.place);
-    Ok(Some((radius, bound)))
+    Some((radius, bound))
 }
 
 /// At a world position, which is first moved onto the surface; `None` if that is farther than four cells. In world units.
-///
-/// # Errors
-/// What reading the surface gives.
 pub fn at_world(
     surface: &Surface,
     world: [f64; 3],
     options: Options,
     last: &mut PreviousContact,
-) -> Result<Option<Measured>> {
+) -> Option<Measured> {
     let from = surface.to_cells(world);
-    let mut foot = surface.closest(from, NEAR)?;
-    if foot.is_none() {
-        foot = surface.closest(from, REACH)?;
-    }
-    let Some(foot) = foot else { return Ok(None) };
-    let measured = at(surface, (foot.at, foot.normal), options, last)?;
-    Ok(Some(Measured { value: measured.value * surface.cell(), ..measured }))
+    let foot = surface.closest(from, NEAR).or_else(|| surface.closest(from, REACH))?;
+    let measured = at(surface, (foot.at, foot.normal), options, last);
+    Some(Measured { value: measured.value * surface.cell(), ..measured })
 }
 
 /// Walls thinner, or gaps narrower, than `below` world units, the largest area first: connected patches of surface, those on
 /// both sides of a wall together.
 ///
 /// # Errors
-/// What reading the surface gives; [`crate::error::Error::Interrupted`].
+/// If there is no surface; [`crate::error::Error::Interrupted`].
 pub fn thin_regions(
     surface: &Surface,
     options: Options,
@@ -152,7 +142,7 @@ pub fn thin_regions(
 ) -> Result<Vec<Region>> {
     surface.require_any()?;
     let value = |last: &mut PreviousContact, patch: &PatchInfo| {
-        let measured = at(surface, (patch.at, patch.normal), options, last)?;
+        let measured = at(surface, (patch.at, patch.normal), options, last);
         let value = measured.value * surface.cell();
         Ok((value < below).then_some((value, measured.opposite)))
     };

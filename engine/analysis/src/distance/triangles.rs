@@ -1,13 +1,14 @@
 //! The triangles of a mesh, found by place: exact distances, and signs by winding numbers.
 
-use super::boxes::{Boxes, Lanes, Normals, Probe, Question, block_of, reciprocals};
-use super::spilled::{Spill, Spilled};
-use super::triangle::nearest_of_triangle;
-use super::triangle_sort::{
-    Extent, FacetCorners, PartSorter, TRIANGLE_BYTES, area_normal, bytes_of, corners_of, parts, read_all,
+use super::boxes::{
+    Block, BoxNodes, Boxes, Lanes, NodeLevels, Normals, Probe, Question, block_of, reciprocals,
 };
+use super::triangle::nearest_of_triangle;
+use super::triangle_sort::{Extent, FacetCorners, PartSorter, TRIANGLE_BYTES, area_normal, parts, read_all};
 use crate::error::{Error, Result};
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::lattice::{cross, dot, minus, mix};
+use crate::part::temporary::require_room;
 use crate::progress::Progress;
 use crate::soup::Facets;
 use crate::wide::{Simd, f32x8};
@@ -16,6 +17,8 @@ use std::path::Path;
 /// Triangles in a run of boxes, and in a group.
 const RUN: usize = 4;
 const GROUP: usize = 2048;
+/// Bytes of a triangle with its share of boxes.
+const HELD_BYTES: u64 = 64;
 /// Feet that are as near as this part of their squares are equally near: of an edge, found from its two sides.
 const TIE: f64 = 1e-9;
 /// A ray that passes so near to an edge, in parts of the triangle, asks another one.
@@ -32,43 +35,17 @@ const RAYS: [[f64; 3]; 6] = [
     [0.911_741, -0.201_833, -0.357_719],
 ];
 
-/// All triangles with area of a mesh, with positions of 32 bits as in mesh files: 60 bytes each, in groups of neighbours, in a
-/// file beside memory where they are more than allowed.
+/// All triangles with area of a mesh, with positions of 32 bits as in mesh files: 60 bytes each, in groups of neighbours, in
+/// mapped files beside memory where they are more than allowed.
 pub struct Triangles {
-    groups: Spilled<Group>,
+    corners: LargeArray<FacetCorners>,
+    /// Boxes around the triangles of each group.
+    nodes: LargeArray<Lanes>,
+    groups: Vec<Block>,
     boxes: Boxes,
-    count: usize,
     is_closed: bool,
     /// Six times what they enclose, by their orientation.
     volume: f64,
-}
-
-/// Triangles that are near one another.
-struct Group {
-    corners: Vec<FacetCorners>,
-    boxes: Boxes,
-}
-
-impl Group {
-    fn of(corners: Vec<FacetCorners>) -> Group {
-        let block = |facet: &FacetCorners| block_of(facet.iter().map(|c| c.map(f64::from)), 0.0);
-        let boxes = Boxes::new(corners.iter().map(block), RUN);
-        Group { corners, boxes }
-    }
-}
-
-impl Spill for Group {
-    fn bytes(&self) -> Vec<u8> {
-        bytes_of(&self.corners)
-    }
-
-    fn of_bytes(bytes: &[u8]) -> Option<Group> {
-        corners_of(bytes).map(Group::of)
-    }
-
-    fn heap_bytes(&self) -> usize {
-        self.corners.len() * TRIANGLE_BYTES + self.boxes.heap_bytes()
-    }
 }
 
 /// The nearest point of a mesh.
@@ -107,7 +84,7 @@ impl PreviousPlace {
 }
 
 impl Triangles {
-    /// Of some sources together, in so many bytes of memory, with a file in `folder` for what does not fit. Sources are read
+    /// Of some sources together, in so many bytes of memory, with files in `folder` for what does not fit. Sources are read
     /// two or three times.
     ///
     /// # Errors
@@ -143,8 +120,18 @@ impl Triangles {
         }
         let size = (0..3).map(|a| high[a] - low[a]).fold(f32::MIN_POSITIVE, f32::max);
         let extent = Extent::new(low, size);
-        let mut groups = Spilled::of_about(count.div_ceil(GROUP), memory, folder);
-        let (mut blocks, mut rest) = (Vec::new(), Vec::new());
+        let mut triangles = Triangles {
+            corners: LargeArray::new(&ArrayRoom::new(memory / 8 * 5, folder)),
+            nodes: LargeArray::new(&ArrayRoom::new(memory / 8 * 3, folder)),
+            groups: Vec::new(),
+            boxes: Boxes::new(std::iter::empty(), 1),
+            is_closed: balance == 0,
+            volume,
+        };
+        if count as u64 * HELD_BYTES > memory {
+            require_room(folder, count as u64 * HELD_BYTES)?;
+        }
+        let mut rest = Vec::new();
         let parts = parts(sources, extent, count, memory, progress)?;
         progress.phase("sorting the reference", Some(total), "facets");
         let mut sorter = PartSorter::new(&parts, count.min((memory / 4) as usize / TRIANGLE_BYTES), folder);
@@ -161,25 +148,33 @@ impl Triangles {
             corners.sort_by_cached_key(|facet| extent.place(facet));
             rest.append(&mut corners);
             let whole = rest.len() / GROUP * GROUP;
-            for group in rest[..whole].chunks(GROUP) {
-                let group = Group::of(group.to_vec());
-                blocks.push(group.boxes.whole());
-                groups.push(group)?;
-            }
+            rest[..whole].chunks(GROUP).try_for_each(|group| triangles.push(group))?;
             rest.drain(..whole);
         }
         if !rest.is_empty() {
-            let group = Group::of(rest);
-            blocks.push(group.boxes.whole());
-            groups.push(group)?;
+            triangles.push(&rest)?;
         }
-        Ok(Triangles {
-            groups,
-            boxes: Boxes::new(blocks.into_iter(), 1),
-            count,
-            is_closed: balance == 0,
-            volume,
-        })
+        triangles.boxes = Boxes::new(triangles.groups.iter().copied(), 1);
+        Ok(triangles)
+    }
+
+    /// Adds a group: of so many triangles, but for the last.
+    fn push(&mut self, corners: &[FacetCorners]) -> Result<()> {
+        let block = |facet: &FacetCorners| block_of(facet.iter().map(|c| c.map(f64::from)), 0.0);
+        let boxes = Boxes::new(corners.iter().map(block), RUN);
+        self.groups.push(boxes.whole());
+        self.nodes.extend_from_slice(&boxes.nodes)?;
+        self.corners.extend_from_slice(corners)
+    }
+
+    /// The triangles of a group, with boxes around them.
+    fn group(&self, number: usize) -> (&[FacetCorners], BoxNodes<'_>) {
+        let from = number * GROUP;
+        let corners = &self.corners[from..self.corners.len().min(from + GROUP)];
+        let nodes = |count: usize| NodeLevels::over(count.div_ceil(RUN)).nodes();
+        let first = number * nodes(GROUP);
+        let nodes = &self.nodes[first..first + nodes(corners.len())];
+        (corners, BoxNodes::new((nodes, &[]), (corners.len(), RUN), self.groups[number]))
     }
 
     /// Whether every edge has as many triangles on one side as on the other.
@@ -198,104 +193,80 @@ impl Triangles {
     }
 
     /// The nearest point, of several triangles at an edge that of the one that sees the place best.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn nearest(&self, from: [f64; 3]) -> Result<Nearest> {
+    pub fn nearest(&self, from: [f64; 3]) -> Nearest {
         self.nearest_within(from, f64::INFINITY)
     }
 
     /// The nearest point, which is known to be nearer than `most`.
-    fn nearest_within(&self, from: [f64; 3], most: f64) -> Result<Nearest> {
+    fn nearest_within(&self, from: [f64; 3], most: f64) -> Nearest {
         let best = Nearest { at: [0.0; 3], normal: [0.0; 3], distance: f64::INFINITY };
         let mut near = NearestOf { from, within: most * most, aligned: -1.0, best };
-        self.ask(&mut near, from)?;
-        Ok(near.best)
+        self.ask(&mut near, from);
+        near.best
     }
 
     /// The distance from the mesh, below 0 inside: where w ≥ 1 of a closed one, else behind the nearest triangle. With the
     /// nearest point. What was found at the place before, which should be near, makes the search short.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn signed(&self, from: [f64; 3], last: &mut PreviousPlace) -> Result<(f64, Nearest)> {
-        let mut nearest = self.nearest_within(from, last.reach(from) * (1.0 + TIE))?;
+    pub fn signed(&self, from: [f64; 3], last: &mut PreviousPlace) -> (f64, Nearest) {
+        let mut nearest = self.nearest_within(from, last.reach(from) * (1.0 + TIE));
         if nearest.distance == f64::INFINITY {
-            nearest = self.nearest(from)?;
+            nearest = self.nearest(from);
         }
-        let winding = if self.is_closed { self.winding(from, last.winding)? } else { None };
+        let winding = if self.is_closed { self.winding(from, last.winding) } else { None };
         let behind = || dot(minus(from, nearest.at), nearest.normal) < 0.0;
         let inside = winding.map_or_else(behind, |w| w >= 1);
         last.keep(from, nearest.distance);
         if let Some(winding) = winding.filter(|_| nearest.distance > CLEAR * f64::from(self.boxes.size())) {
             last.winding = Some((from, winding));
         }
-        Ok((if inside { -nearest.distance } else { nearest.distance }, nearest))
+        (if inside { -nearest.distance } else { nearest.distance }, nearest)
     }
 
     /// The winding number: that of a place where it is known and what is passed on the way there, else what a ray passes.
     /// `None` if all of them pass edges.
-    fn winding(&self, from: [f64; 3], known: Option<([f64; 3], i32)>) -> Result<Option<i32>> {
+    fn winding(&self, from: [f64; 3], known: Option<([f64; 3], i32)>) -> Option<i32> {
         if let Some((place, winding)) = known {
             let way = minus(place, from);
             let length = dot(way, way).sqrt();
             let toward = way.map(|c| c / length.max(f64::MIN_POSITIVE));
-            if let Some(passed) = self.passed(from, toward, length)? {
-                return Ok(Some(winding + passed));
+            if let Some(passed) = self.passed(from, toward, length) {
+                return Some(winding + passed);
             }
         }
-        for ray in RAYS {
-            if let Some(winding) = self.passed(from, ray, f64::INFINITY)? {
-                return Ok(Some(winding));
-            }
-        }
-        Ok(None)
+        RAYS.into_iter().find_map(|ray| self.passed(from, ray, f64::INFINITY))
     }
 
     /// By how much the winding number of a place exceeds that at the end of a way, whose triangles are counted; `None` if it
     /// passes an edge.
-    fn passed(&self, from: [f64; 3], toward: [f64; 3], length: f64) -> Result<Option<i32>> {
+    fn passed(&self, from: [f64; 3], toward: [f64; 3], length: f64) -> Option<i32> {
         let mut passed = Passed { from, toward, length, over: reciprocals(toward), count: Some(0) };
-        self.ask(&mut passed, from)?;
-        Ok(passed.count)
+        self.ask(&mut passed, from);
+        passed.count
     }
 
     /// Asks all triangles, those in near boxes first.
-    fn ask(&self, question: &mut impl TriangleQuestion, from: [f64; 3]) -> Result<()> {
+    fn ask(&self, question: &mut impl TriangleQuestion, from: [f64; 3]) {
         let probe = Probe::new(from, self.boxes.size());
-        self.boxes.search(&mut OfGroups { triangles: self, question, probe, from })
+        self.boxes.search(&mut OfGroups { triangles: self, question, probe, from });
     }
 
     /// Points of the mesh: corners of triangles, and points spread evenly by area, at most so many of each.
-    ///
-    /// # Errors
-    /// What reading the file gives.
-    pub fn samples(&self, most: usize) -> Result<Vec<[f64; 3]>> {
-        let step = self.count.div_ceil(most).max(1);
-        let (mut points, mut spread) = (Vec::new(), Vec::new());
-        let (mut number, mut total) = (0usize, 0.0);
-        for group in 0..self.groups.len() {
-            for facet in &self.groups.get(group)?.corners {
-                if number.is_multiple_of(step) {
-                    points.push(facet[0].map(f64::from));
-                }
-                number += 1;
-                total += area(facet);
-            }
-        }
-        let count = most.min(self.count.max(20_000));
-        let (mut passed, mut next) = (0.0, 0usize);
-        for group in 0..self.groups.len() {
-            for facet in &self.groups.get(group)?.corners {
-                passed += area(facet);
-                while next < count && (next as f64 + 0.5) * total <= passed * count as f64 {
-                    spread.push(within(facet, next));
-                    next += 1;
-                }
+    pub fn samples(&self, most: usize) -> Vec<[f64; 3]> {
+        let step = self.corners.len().div_ceil(most).max(1);
+        let mut points: Vec<_> =
+            self.corners.iter().step_by(step).map(|facet| facet[0].map(f64::from)).collect();
+        let total: f64 = self.corners.iter().map(area).sum();
+        let count = most.min(self.corners.len().max(20_000));
+        let (mut passed, mut next, mut spread) = (0.0, 0usize, Vec::new());
+        for facet in &self.corners {
+            passed += area(facet);
+            while next < count && (next as f64 + 0.5) * total <= passed * count as f64 {
+                spread.push(within(facet, next));
+                next += 1;
             }
         }
         points.append(&mut spread);
-        Ok(points)
+        points
     }
 }
 
@@ -340,13 +311,11 @@ impl<Q: TriangleQuestion> Question for OfGroups<'_, Q> {
         self.question.counts(nearness)
     }
 
-    fn visit(&mut self, thing: usize) -> Result<bool> {
+    fn visit(&mut self, thing: usize) -> bool {
         let (from, question) = (self.from, &mut *self.question);
-        self.triangles.groups.with(thing, |group| {
-            let probe = Probe::new(from, group.boxes.size());
-            group.boxes.search(&mut OfGroup { corners: &group.corners, question, probe })
-        })?;
-        Ok(false)
+        let (corners, boxes) = self.triangles.group(thing);
+        boxes.search(&mut OfGroup { corners, question, probe: Probe::new(from, boxes.size()) });
+        false
     }
 }
 
@@ -369,9 +338,9 @@ impl<Q: TriangleQuestion> Question for OfGroup<'_, Q> {
     }
 
     #[inline]
-    fn visit(&mut self, thing: usize) -> Result<bool> {
+    fn visit(&mut self, thing: usize) -> bool {
         self.question.visit(&self.corners[thing]);
-        Ok(false)
+        false
     }
 }
 
@@ -514,7 +483,7 @@ mod tests {
             ([1.5, 1.5, 1.25], -0.25),
             ([3.5, 3.5, 3.5], 0.75f64.sqrt()),
         ] {
-            let signed = triangles.signed(p, &mut PreviousPlace::default()).unwrap();
+            let signed = triangles.signed(p, &mut PreviousPlace::default());
             assert!((signed.0 - expected).abs() < 1e-9, "{p:?} {signed:?}");
         }
         assert!(!triangles.is_inside_out());
@@ -541,7 +510,7 @@ mod tests {
                 p = p.map(|c| (c * 4.0).round() * 0.25);
             }
             let (a, b) = (triangles.signed(p, &mut last), triangles.signed(p, &mut PreviousPlace::default()));
-            let (a, b) = (a.unwrap().0, b.unwrap().0);
+            let (a, b) = (a.0, b.0);
             assert!((a - b).abs() < 1e-9 || a == -b && b.abs() < 1e-9, "{p:?} {a} {b}");
             inside += usize::from(a < 0.0);
         }
@@ -552,7 +521,7 @@ mod tests {
     fn samples_are_spread_by_area() {
         let held = (1 << 20, Path::new("."));
         let triangles = Triangles::new(&[&cube(0.0, 2.0)], held, &Silent).unwrap();
-        let samples = triangles.samples(3000).unwrap();
+        let samples = triangles.samples(3000);
         let above = samples.iter().filter(|p| p[2] == 2.0).count();
         assert!((480..540).contains(&above), "{above}");
     }
@@ -573,14 +542,11 @@ mod tests {
         for memory in [400_000, 150_000, 1000] {
             let some = Triangles::new(&[&facets], (memory, folder.path()), &Silent).unwrap();
             assert_eq!(some.groups.len(), all.groups.len());
-            assert_eq!(some.samples(700).unwrap(), all.samples(700).unwrap());
+            assert_eq!(some.samples(700), all.samples(700));
             let mut last = PreviousPlace::default();
             for n in 0..300 {
                 let p = facet(77_777 + n)[0].map(|c| 1.2 * c - 2.0);
-                let (a, b) = (
-                    some.signed(p, &mut last).unwrap(),
-                    all.signed(p, &mut PreviousPlace::default()).unwrap(),
-                );
+                let (a, b) = (some.signed(p, &mut last), all.signed(p, &mut PreviousPlace::default()));
                 assert_eq!((a.0, a.1.at, a.1.normal), (b.0, b.1.at, b.1.normal));
             }
         }

@@ -119,8 +119,8 @@ fn to_mesh(
         let mut points = Vec::new();
         for_crossings(tree.root(), leaf, |at, _| points.push(at));
         let taken = points.len().min(each);
-        let distance = |n: usize| Ok(triangles.nearest(points[n * points.len() / taken])?.distance);
-        (0..taken).map(distance).collect::<Result<Vec<f64>>>()
+        let distance = |n: usize| triangles.nearest(points[n * points.len() / taken]).distance;
+        Ok((0..taken).map(distance).collect::<Vec<f64>>())
     };
     visit(tree, &keys, progress, make, |_, found: Vec<f64>| {
         distances.extend(found);

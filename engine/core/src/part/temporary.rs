@@ -89,23 +89,31 @@ impl TempFile {
         Error::io(&self.folder, "read the temporary file in")(source)
     }
 
-    /// Fails unless the folder's disk has room for `bytes`.
+    /// See [`require_room`], for its folder.
     ///
     /// # Errors
-    /// If it has not, or cannot be asked.
+    /// As that.
     pub fn require_room(&self, bytes: u64) -> Result<()> {
-        let free = free_bytes(&self.folder).map_err(Error::io(&self.folder, "find out the free space of"))?;
-        if bytes <= free {
-            return Ok(());
-        }
-        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-        Err(Error::store(
-            &self.folder,
-            "temporary file",
-            format!("about {} MiB are needed and {} MiB are free", mib(bytes), mib(free)),
-            "make room, choose another folder with `temp_dir`, or allow more memory with `memory`",
-        ))
+        require_room(&self.folder, bytes)
     }
+}
+
+/// Fails unless a folder's disk has room for `bytes`.
+///
+/// # Errors
+/// If it has not, or cannot be asked.
+pub fn require_room(folder: &Path, bytes: u64) -> Result<()> {
+    let free = free_bytes(folder).map_err(Error::io(folder, "find out the free space of"))?;
+    if bytes <= free {
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    Err(Error::store(
+        folder,
+        "temporary file",
+        format!("about {} MiB are needed and {} MiB are free", mib(bytes), mib(free)),
+        "make room, choose another folder with `temp_dir`, or allow more memory with `memory`",
+    ))
 }
 
 /// Fails unless temporary files can be made there.

@@ -39,7 +39,7 @@ pub struct DeviationTint<'a> {
 
 impl Tint for ThicknessTint<'_> {
     fn colour(&self, met: Met) -> Result<Option<[u8; 3]>> {
-        let value = at_world(self.surface, met.at, self.options, &mut PreviousContact::default())?
+        let value = at_world(self.surface, met.at, self.options, &mut PreviousContact::default())
             .map_or(f64::NAN, |measured| measured.value);
         Ok(Some(self.scale.colour(value)))
     }
@@ -56,7 +56,7 @@ impl Tint for ThicknessTint<'_> {
 
 impl Tint for DeviationTint<'_> {
     fn colour(&self, met: Met) -> Result<Option<[u8; 3]>> {
-        let foot = self.surface.closest(self.surface.to_cells(met.at), REACH)?;
+        let foot = self.surface.closest(self.surface.to_cells(met.at), REACH);
         let at = foot.map_or(met.at, |foot| self.surface.to_world(foot.at));
         Ok(Some(self.scale.colour(self.reference.opposite(self.motion.apply(at))?.signed)))
     }
@@ -77,7 +77,7 @@ impl Tint for DeviationTint<'_> {
 pub fn usual_thickness(surface: &Surface, options: Options) -> Result<f64> {
     let (mut values, mut last) = (Vec::new(), PreviousContact::default());
     each_point(surface, |place, normal| {
-        values.push(at(surface, (place, normal), options, &mut last)?.value * surface.cell());
+        values.push(at(surface, (place, normal), options, &mut last).value * surface.cell());
         Ok(())
     })?;
     Ok(most_of(values))
@@ -109,7 +109,7 @@ fn each_point(surface: &Surface, mut each: impl FnMut([f64; 3], [f64; 3]) -> Res
     let step = (surface.patches() as usize).div_ceil(POINTS).max(1);
     let mut next = 0;
     for leaf in 0..surface.leaves().len() {
-        let patches = surface.patches_of(leaf)?;
+        let patches = surface.patches_of(leaf);
         while next < patches.len() {
             each(patches[next].at, patches[next].normal)?;
             next += step;

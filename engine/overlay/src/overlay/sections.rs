@@ -36,7 +36,7 @@ impl SectionTint for BandTint<'_> {
         if w < 1.0 {
             return Ok(None);
         }
-        let Some(foot) = self.surface.closest(self.surface.to_cells(world), self.width)? else {
+        let Some(foot) = self.surface.closest(self.surface.to_cells(world), self.width) else {
             return Ok(Some(SOLID));
         };
         let at = self.surface.to_world(foot.at);
