@@ -26,6 +26,7 @@ mod program {
     mod layers;
     mod local_thickness;
     mod machine;
+    mod measured_points;
     mod mesh;
     mod mesh_places;
     mod open;

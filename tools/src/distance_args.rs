@@ -27,10 +27,14 @@ sides, `volume` half of the integral of thickness over it. The largest comes fir
 
 With --volume every sample inside gets its local thickness: the diameter of the largest ball in the part that holds the sample (Hildebrand & Rüegsegger 1997). --method and --separation change nothing of it. Samples outside are 0. With --gaps it is told of what is outside, up to --widest. The summary tells mean and standard deviation over the volume.
 
+With --points the same is told of points beside the surface, each moved to the nearest place of it. A point farther than four cells \
+from it has no number, as what has nothing opposite.
+
 The part must be closed: open meshes and point clouds are refused. Values are in the store's unit.
 
 Examples:
   brickfield thickness part.brf -o thickness.ply
+  brickfield thickness part.brf --points places.csv
   brickfield thickness part.brf --volume thickness.vdb
   brickfield thickness part.brf -o thickness.ply --below 0.8mm --regions thin.csv")]
 pub struct ThicknessArgs {
@@ -38,8 +42,11 @@ pub struct ThicknessArgs {
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
     /// The mesh to write, whose vertices have the property thickness; its name ends in .ply, .vtp or .glb
-    #[arg(long, short, value_name = "T.ply", required_unless_present = "volume")]
+    #[arg(long, short, value_name = "T.ply", required_unless_present_any = ["volume", "points"])]
     pub output: Option<PathBuf>,
+    /// Measure at these points instead, and print x,y,z,thickness; lines x,y,z in the store's unit, - reads standard input
+    #[arg(long, value_name = "P.csv", conflicts_with_all = ["output", "volume", "regions"])]
+    pub points: Option<PathBuf>,
     /// Also write local thickness as a volume: .npy, .vdb, .vtkhdf, .zarr, .vti, .mhd, .mha, .tif or .raw
     #[arg(long, value_name = "T.vdb")]
     pub volume: Option<PathBuf>,
@@ -69,7 +76,7 @@ pub struct ThicknessArgs {
     pub origin: Option<OriginArg>,
     #[command(flatten)]
     pub surface: SurfaceArgs,
-    /// Print counts, percentiles, a histogram and the regions as JSON
+    /// Print counts, percentiles, a histogram and the regions as JSON; points as JSON lines
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
@@ -158,7 +165,7 @@ pub struct OffsetArgs {
     pub work: WorkArgs,
 }
 
-/// Compare a part with a mesh or another store: signed distances both ways
+/// Compare a part with a mesh, another store, or measured points: signed distances both ways
 #[derive(Args)]
 #[command(after_help = "\
 The mesh that is written has at each vertex its distance from the reference, above 0 outside of it.
@@ -166,8 +173,11 @@ The mesh that is written has at each vertex its distance from the reference, abo
 Distances from a mesh are those from its triangles, with signs by its winding number where it is closed; of an open one the \
 nearest triangle tells the side. Distances from a store are those from its surface, right to about 0.01 cells where it is smooth.
 
-Back, points of the reference are compared with the part: corners of its triangles and points spread by area, or the crossings \
-of a store.
+Back, points of the reference are compared with the part: corners of its triangles and points spread by area, the crossings \
+of a store, or the points of a cloud.
+
+Points may show some of the part, in any order and without normals. The surface around a place is the quadratic form through the 18 \
+nearest of them. Vertices where no points were measured have no number (NaN) and count for nothing.
 
 With --within the command fails, with status 1, if any distance either way is larger. --regions lists the connected surface of \
 the part that is farther: `over` lies outside of the reference, `under` inside. `volume` is the integral of the distance over the area.
@@ -179,12 +189,13 @@ Where the part differs much it does not count. The mesh stays where the part is.
 
 Examples:
   brickfield deviation part.brf cad.stl -o deviation.ply
+  brickfield deviation part.brf scan.xyz -o deviation.ply --align icp
   brickfield deviation part.brf cad.stl -o deviation.ply --align shift --within 0.2mm --regions beyond.csv")]
 pub struct DeviationArgs {
     /// The store
     #[arg(value_name = "PART.brf")]
     pub store: PathBuf,
-    /// What it should be: a mesh, as .stl, .obj or .ply, or a store
+    /// What it should be, or is: a mesh, as .stl, .obj or .ply, a store, or points, as .ply, .pcd, .las, .e57 or .xyz
     #[arg(value_name = "REFERENCE")]
     pub reference: PathBuf,
     /// The mesh to write, whose vertices have the property deviation; its name ends in .ply, .vtp or .glb

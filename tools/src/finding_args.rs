@@ -137,7 +137,7 @@ pub struct FindingArgs {
     /// Of thickness and deviation: where the colours end, as in 2mm; by default where 98 of 100 points of the surface are within
     #[arg(long, value_name = "LEN", conflicts_with = "below")]
     pub range: Option<Length>,
-    /// Of deviation: what the part should be, a mesh or a store
+    /// Of deviation: what the part should be or is, a mesh, a store, or measured points
     #[arg(long, value_name = "REFERENCE")]
     pub reference: Option<PathBuf>,
     /// Of deviation: what is allowed to either side, in one colour, as in 0.2mm

@@ -191,20 +191,27 @@ impl PointBead<'_> {
     }
 }
 
-/// Writes points with their winding numbers to standard output.
+/// Writes points with a number each to standard output.
 pub struct PointWriter {
     lines: Lines,
     json: bool,
+    /// What the numbers are.
+    column: &'static str,
 }
 
 impl PointWriter {
-    /// CSV with its header, or JSON lines.
+    /// CSV with its header, or JSON lines, of winding numbers.
     pub fn new(json: bool) -> Result<PointWriter, Failure> {
+        PointWriter::of(json, "w")
+    }
+
+    /// The same of other numbers.
+    pub fn of(json: bool, column: &'static str) -> Result<PointWriter, Failure> {
         let mut lines = Lines::to_stdout();
         if !json {
-            lines.line(format_args!("x,y,z,w"))?;
+            lines.line(format_args!("x,y,z,{column}"))?;
         }
-        Ok(PointWriter { lines, json })
+        Ok(PointWriter { lines, json, column })
     }
 
     /// As [`PointWriter::new`], for lines with beads.
@@ -213,7 +220,7 @@ impl PointWriter {
         if !json {
             lines.line(format_args!("x,y,z,w,beads,which"))?;
         }
-        Ok(PointWriter { lines, json })
+        Ok(PointWriter { lines, json, column: "w" })
     }
 
     /// One line with the beads or passes that cover the point. In CSV they are one column,
@@ -238,12 +245,18 @@ impl PointWriter {
     }
 
     /// One line.
-    pub fn write(&mut self, [x, y, z]: [f64; 3], w: impl std::fmt::Display) -> Result<(), Failure> {
+    pub fn write(&mut self, [x, y, z]: [f64; 3], number: impl std::fmt::Display) -> Result<(), Failure> {
+        let column = self.column;
         if self.json {
-            self.lines.line(format_args!("{{\"x\":{x:?},\"y\":{y:?},\"z\":{z:?},\"w\":{w}}}"))
+            self.lines.line(format_args!("{{\"x\":{x:?},\"y\":{y:?},\"z\":{z:?},\"{column}\":{number}}}"))
         } else {
-            self.lines.line(format_args!("{x:?},{y:?},{z:?},{w}"))
+            self.lines.line(format_args!("{x:?},{y:?},{z:?},{number}"))
         }
+    }
+
+    /// One line of a point that has no number.
+    pub fn write_none(&mut self, point: [f64; 3]) -> Result<(), Failure> {
+        self.write(point, if self.json { "null" } else { "" })
     }
 
     /// Hands on what is buffered.

@@ -1,26 +1,23 @@
 //! `brickfield deviation`: a part against what it should be.
 
+use super::reference::{Compared, open_reference, point_text, require_alike, sizes};
 use super::thickness::{layers_of, place_of, require_numbers};
-use super::{no_unit, of_file, of_store, open_inputs, open_store, require_whole_samples, start, unit_of};
-use crate::args::IoArg;
+use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::{AlignArg, DeviationArgs};
-use crate::elsewhere::is_address;
 use crate::failure::Failure;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
-use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use crate::units::Unit;
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
-    ABSOLUTE_PERCENTILES, Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
+    ABSOLUTE_PERCENTILES, Motion, PERCENTILES, Spread, at_points, of_surface, regions_beyond,
 };
 use brickfield_engine::distance::{
-    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, Sides, Surface, Triangles, align,
+    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, Sides, Surface, align,
 };
-use brickfield_engine::ingest::{Facets, OpenOptions};
 use brickfield_engine::part::{PartFile, directory_of};
-use brickfield_engine::store::{AcceptedStores, BrickTree, MovedTree, Store, is_store};
+use brickfield_engine::store::{AcceptedStores, BrickTree, MovedTree, Store};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -28,13 +25,6 @@ use std::path::Path;
 const POINTS_BACK: usize = 500_000;
 /// A shift is told that is larger than this part of the size while the sizes differ by less.
 const SHIFTED: f64 = 0.02;
-/// Ratios of sizes that come of other units, with what they are called.
-const RATIOS: [(f64, &str); 3] = [
-    (25.4, "as of inches and millimetres"),
-    (1000.0, "as of metres and millimetres"),
-    (10.0, "as of centimetres and millimetres"),
-];
-
 /// Names of the columns, in order.
 const COLUMNS: [&str; 11] = [
     "id",
@@ -49,44 +39,6 @@ const COLUMNS: [&str; 11] = [
     "layer_first",
     "layer_last",
 ];
-
-/// What a part is compared with, opened.
-pub(super) enum OpenReference {
-    Mesh(Box<Triangles>),
-    Store(Box<(Surface, Store)>),
-}
-
-impl OpenReference {
-    /// Where it is inside, if it is a store.
-    pub fn sides(&self) -> Result<Option<Sides<'_>>, Failure> {
-        match self {
-            OpenReference::Mesh(_) => Ok(None),
-            OpenReference::Store(opened) => Ok(Some(Sides::new(&opened.1)?)),
-        }
-    }
-
-    /// What distances are told from, with what [`OpenReference::sides`] gives.
-    pub fn reference<'a>(&'a self, sides: Option<&'a Sides<'a>>) -> Reference<'a> {
-        match (self, sides) {
-            (OpenReference::Mesh(triangles), _) => Reference::Mesh(triangles),
-            (OpenReference::Store(opened), Some(sides)) => Reference::Store(&opened.0, sides),
-            (OpenReference::Store(_), None) => unreachable!("a store has sides"),
-        }
-    }
-}
-
-/// What a part is compared with, and how, as the user typed it.
-pub(super) struct Compared<'a> {
-    pub reference: &'a Path,
-    /// What is written.
-    pub output: &'a Path,
-    /// Where temporary files may lie.
-    pub folder: &'a Path,
-    /// Bytes in all.
-    pub memory: u64,
-    pub io: IoArg,
-    pub align: AlignArg,
-}
 
 /// Runs the command.
 pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
@@ -117,7 +69,6 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     };
     let opened = open_reference(&compared, &store, &bars)?;
     let sides_of_reference = opened.sides()?;
-    let reference = opened.reference(sides_of_reference.as_ref());
     let surface = Surface::new(&store, args.memory.0 / 4, folder, &bars)
         .map_err(|error| of_store(&store, "surface", error))?;
     let sides = Sides::new(&store)?;
@@ -127,7 +78,9 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
             anyhow!("{}: the store has no surface; build it with finer cells", in_line(&args.store)).into()
         );
     };
-    require_alike(&compared, bounds, reference.bounds())?;
+    let beside = (&surface, &sides);
+    let reference = opened.reference(sides_of_reference.as_ref(), beside, Motion::NONE);
+    require_alike(&compared, bounds, reference)?;
     let contouring =
         ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
     let moved = MovedTree::new(&store, place.base().unwrap_or_default());
@@ -135,6 +88,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let (vertices, triangles) = ply.counts();
     let how = Align::from(args.align);
     let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS), bounds, reference, how)?;
+    let reference = opened.reference(sides_of_reference.as_ref(), beside, motion);
     let values = ply.fill(&bars, |last: &mut PreviousPlace, world| {
         Ok(reference.opposite_next(motion.apply(world), last)?.signed as f32)
     })?;
@@ -148,13 +102,19 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         _ => None,
     };
     let [there, back] = [Spread::of(&values), Spread::of(&back)];
+    let without = vertices - there.points as u64;
+    if there.points == 0 {
+        let what = "no vertex of the part lies where points were measured; are both in one place? --align icp moves it";
+        warn(&format!("{}: {what}", in_line(&args.reference)));
+    }
     let table = regions.as_ref().map(|regions| table(&store, regions, cell)).transpose()?;
     let mut document = json!({
         "unit": unit,
         "cell": cell,
         "reference": args.reference.display().to_string(),
-        "reference_is": match opened { OpenReference::Mesh(_) => "mesh", OpenReference::Store(_) => "store" },
+        "reference_is": opened.kind(),
         "vertices": vertices,
+        "vertices_without_points": without,
         "triangles": triangles,
         "origin": place.origin(),
         "coordinate_bits": place.bits(),
@@ -186,7 +146,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     if args.json {
         print_json(&document)?;
     } else if !args.work.quiet {
-        let mut text = summary(args, &store, (&there, &back), (how, motion, left), regions.as_ref());
+        let mut text = summary(args, &store, (&there, without, &back), (how, motion, left), regions.as_ref());
         text.extend(place.line(unit_of(store.meta())).map(|line| format!("\norigin {line}")));
         print(&text)?;
     }
@@ -196,92 +156,6 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         let name = in_line(&args.store);
         let largest = to_place(largest, cell / 1000.0);
         return Err(anyhow!("{name}: the largest deviation {largest} is above --within {within}").into());
-    }
-    Ok(())
-}
-
-/// Opens the reference.
-pub(super) fn open_reference(
-    args: &Compared<'_>,
-    part: &Store,
-    bars: &Bars,
-) -> Result<OpenReference, Failure> {
-    let name = in_line(args.reference);
-    if is_address(args.reference) || is_store(args.reference) {
-        let store = open_store(args.reference, args.memory / 8, args.io, AcceptedStores::Whole)?;
-        require_whole_samples(&store, "distances from it cannot be told")?;
-        if store.meta().unit != part.meta().unit {
-            let (own, other) = (unit_of(store.meta()), unit_of(part.meta()));
-            return Err(anyhow!(
-                "{name}: it is in {own} and the part in {other}; build one with the other's --unit"
-            )
-            .into());
-        }
-        let surface = Surface::new(&store, args.memory / 4, args.folder, bars)
-            .map_err(|error| of_store(&store, "surface", error))?;
-        if surface.bounds().is_none() {
-            return Err(anyhow!("{name}: the store has no surface; build it with finer cells").into());
-        }
-        return Ok(OpenReference::Store(Box::new((surface, store))));
-    }
-    let inputs = open_inputs(&[args.reference.to_owned()], &[args.output], &OpenOptions::default(), bars)?;
-    if inputs.iter().any(|input| input.beads().is_some() || input.sweeps().is_some()) {
-        return Err(anyhow!("{name}: it is a toolpath; build a store of it and give that").into());
-    }
-    let sources: Vec<&dyn Facets> = inputs.iter().map(|input| input as &dyn Facets).collect();
-    let triangles = Triangles::new(&sources, (args.memory / 2, args.folder), bars)
-        .map_err(|error| of_file(args.reference, error))?;
-    inputs.iter().try_for_each(|input| input.check())?;
-    if !triangles.is_closed() {
-        warn(&format!("{name}: the mesh is not closed, so the nearest triangle tells the side of a point"));
-    }
-    if triangles.is_inside_out() {
-        warn(&format!("{name}: the mesh is inside out, so distances have the wrong sign; turn its facets"));
-    }
-    Ok(OpenReference::Mesh(Box::new(triangles)))
-}
-
-fn sizes([low, high]: [[f64; 3]; 2]) -> [f64; 3] {
-    std::array::from_fn(|a| high[a] - low[a])
-}
-
-/// A box, for people.
-fn box_text([low, high]: [[f64; 3]; 2]) -> String {
-    format!("{} to {}", point_text(low), point_text(high))
-}
-
-/// Three coordinates, for people, without the sign of a 0.
-fn point_text(p: [f64; 3]) -> String {
-    format!("({})", p.map(|c| format!("{:.3}", (c * 1e3).round() / 1e3 + 0.0)).join(", "))
-}
-
-/// Refuses a reference in another unit, and one elsewhere that is not to be aligned.
-pub(super) fn require_alike(
-    args: &Compared<'_>,
-    part: [[f64; 3]; 2],
-    reference: [[f64; 3]; 2],
-) -> Result<(), Failure> {
-    let name = in_line(args.reference);
-    let (own, others) = (sizes(part), sizes(reference));
-    for (ratio, units) in RATIOS {
-        for (ratio, how) in [(ratio, "larger"), (1.0 / ratio, "smaller")] {
-            let is_so = |a: usize| (others[a] / own[a] / ratio - 1.0).abs() < 0.02;
-            if (0..3).all(is_so) {
-                let times = ratio.max(1.0 / ratio);
-                let what = format!("it is {times} times {how} than the part, {units}");
-                return Err(
-                    anyhow!("{name}: {what}; scale one of them, or build the part with --unit").into()
-                );
-            }
-        }
-    }
-    let apart = (0..3).any(|a| part[1][a] < reference[0][a] || reference[1][a] < part[0][a]);
-    if apart && args.align == AlignArg::None {
-        let boxes = format!("the part is at {}, the reference at {}", box_text(part), box_text(reference));
-        return Err(anyhow!(
-            "{name}: it does not overlap the part; {boxes}; add --align shift to compare shapes"
-        )
-        .into());
     }
     Ok(())
 }
@@ -344,7 +218,7 @@ fn table(store: &Store, sides: &[Vec<Region>; 2], cell: f64) -> Result<Table<'st
 fn summary(
     args: &DeviationArgs,
     store: &Store,
-    (there, back): (&Spread, &Spread),
+    (there, without, back): (&Spread, u64, &Spread),
     (how, motion, left): (Align, Motion, f64),
     regions: Option<&[Vec<Region>; 2]>,
 ) -> String {
@@ -378,6 +252,9 @@ fn summary(
             String::new()
         };
         text += &format!("\n{turned}shifted by ({x}, {y}, {z}) {unit}; residual {}", length(left));
+    }
+    if without > 0 {
+        text += &format!("\n{without} vertices have no number: no points were measured there");
     }
     if let Some([over, under]) = regions {
         text += &format!("\n{} regions over, {} under", over.len(), under.len());

@@ -85,6 +85,12 @@ impl Colours<'_> {
     }
 }
 
+/// Where a part is inside, and its reference if that is a store.
+pub(super) struct ComparedSides<'a> {
+    part: Sides<'a>,
+    reference: Option<Sides<'a>>,
+}
+
 impl Findings {
     /// What is drawn of the part itself.
     pub fn style(&self) -> Style {
@@ -116,10 +122,12 @@ impl Findings {
         voids.into_iter().flatten().filter(|(_, shown)| **shown).map(|(void, _)| void)
     }
 
-    /// Where a reference is inside, if it is a store.
-    pub fn sides(&self) -> Result<Option<Sides<'_>>, Failure> {
+    /// Where parts are inside, for what is compared.
+    pub fn sides<'a>(&'a self, store: &'a Store) -> Result<Option<ComparedSides<'a>>, Failure> {
         match self {
-            Findings::Deviation { opened, .. } => opened.sides(),
+            Findings::Deviation { opened, .. } => {
+                Ok(Some(ComparedSides { part: Sides::new(store)?, reference: opened.sides()? }))
+            }
             Findings::Voids { .. } | Findings::Thickness { .. } | Findings::Changes { .. } => Ok(None),
         }
     }
@@ -128,7 +136,7 @@ impl Findings {
     pub fn colours<'a>(
         &'a self,
         store: &'a Store,
-        sides: Option<&'a Sides<'a>>,
+        sides: Option<&'a ComparedSides<'a>>,
         bytes: u64,
     ) -> Result<Colours<'a>, Failure> {
         Ok(match self {
@@ -146,7 +154,9 @@ impl Findings {
                 Colours::Thickness(ThicknessTint { surface, options: *options, scale: *scale })
             }
             Findings::Deviation { surface, opened, motion, scale } => {
-                let reference = opened.reference(sides);
+                let sides = sides.expect("what is compared has sides");
+                let beside = (&**surface, &sides.part);
+                let reference = opened.reference(sides.reference.as_ref(), beside, *motion);
                 Colours::Deviation(DeviationTint { surface, reference, motion: *motion, scale: *scale })
             }
             Findings::Changes { before, voids } => {

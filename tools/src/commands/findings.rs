@@ -1,6 +1,6 @@
 //! What analyses find, made ready for pictures: searched once, then a colour for every point that is seen.
 
-use super::deviation::{Compared, OpenReference, open_reference, require_alike};
+use super::reference::{Compared, OpenReference, open_reference, require_alike};
 use super::voids::open_cad;
 use super::{no_unit, open_store, require_whole_samples};
 use crate::args::IoArg;
@@ -14,7 +14,7 @@ use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, PositionsSink, contour};
 use brickfield_engine::distance::deviation::{Motion, Reference};
 use brickfield_engine::distance::thickness::{Method, Options};
-use brickfield_engine::distance::{Surface, align};
+use brickfield_engine::distance::{Sides, Surface, align};
 use brickfield_engine::overlay::{
     DeviationScale, ThicknessScale, rounded_up, usual_deviation, usual_thickness,
 };
@@ -73,7 +73,9 @@ pub(super) fn require_own_options(args: &Search<'_>) -> Result<(), Failure> {
         return Err(Failure::Usage("--style changes needs --before, the store as it was".to_owned()));
     }
     if shown == Some(Finding::Deviation) && args.finding.reference.is_none() {
-        return Err(Failure::Usage("--style deviation needs --reference, a mesh or a store".to_owned()));
+        return Err(Failure::Usage(
+            "--style deviation needs --reference, a mesh, a store, or points".to_owned(),
+        ));
     }
     Ok(())
 }
@@ -199,10 +201,12 @@ fn deviation(args: &Search<'_>, store: &Store, bars: &Bars) -> Result<Findings, 
         return Err(anyhow!("{name}: the store has no surface; build it with finer cells").into());
     };
     let (motion, most) = {
-        let sides = opened.sides()?;
-        let reference = opened.reference(sides.as_ref());
-        require_alike(&compared, bounds, reference.bounds())?;
-        let motion = motion(args, store, (how, bounds), reference, bars)?;
+        let (sides, sides_of_part) = (opened.sides()?, Sides::new(store)?);
+        let reference = |motion: Motion| opened.reference(sides.as_ref(), (&surface, &sides_of_part), motion);
+        let first = reference(Motion::NONE);
+        require_alike(&compared, bounds, first)?;
+        let motion = motion(args, store, (how, bounds), first, bars)?;
+        let reference = reference(motion);
         let most = range.map_or_else(|| usual_deviation(&surface, reference, motion), Ok)?;
         (motion, most)
     };

@@ -33,6 +33,7 @@ mod mesh_tiles;
 pub mod offset;
 mod operands;
 pub mod overlap;
+mod reference;
 pub mod render;
 mod render_splats;
 pub mod sample;

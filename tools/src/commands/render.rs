@@ -111,7 +111,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let (label_bytes, brick_bytes) = shares(found.as_ref(), args.memory.0, caches - BRICK_CACHE_BYTES);
     let options = options(args, &store, found.as_ref().map(Findings::style), brick_bytes)?;
     let refused = |error| of_store(&store, "picture", error);
-    let sides = found.as_ref().map(Findings::sides).transpose()?.flatten();
+    let sides = found.as_ref().map(|found| found.sides(&store)).transpose()?.flatten();
     let colours =
         found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes)).transpose()?;
     let mut scene = Scene::new(&store, &options).map_err(refused)?;

@@ -104,7 +104,7 @@ pub fn run(args: &SliceArgs) -> Result<(), Failure> {
     let left = caches - brick_bytes;
     let left =
         left.saturating_sub(found.as_ref().map_or(0, |found| found.bytes(args.memory.0))).max(left / 4);
-    let sides = found.as_ref().map(Findings::sides).transpose()?.flatten();
+    let sides = found.as_ref().map(|found| found.sides(&store)).transpose()?.flatten();
     let colours = found.as_ref().map(|found| found.colours(&store, sides.as_ref(), left / 2)).transpose()?;
     let shown = found.as_ref().zip(colours.as_ref());
     for (plane, path) in sections {

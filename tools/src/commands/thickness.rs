@@ -7,12 +7,14 @@ use crate::args::OriginArg;
 use crate::distance_args::{MeasureArg, ThicknessArgs};
 use crate::failure::Failure;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
+use crate::points::{PointReader, PointWriter};
 use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use crate::units::Unit;
 use anyhow::anyhow;
 use brickfield_engine::analysis::{CoveringPass, beads_at_points};
 use brickfield_engine::contour::{ContourOptions, contour};
+use brickfield_engine::distance::deviation::at_points;
 use brickfield_engine::distance::thickness::{Method, Options, PreviousContact, at_world, thin_regions};
 use brickfield_engine::distance::{PointNumbers, Region, SCALAR_ENDINGS, ScalarMesh, Surface};
 use brickfield_engine::part::{PartFile, directory_of};
@@ -22,6 +24,8 @@ use std::path::{Path, PathBuf};
 
 /// Bars of the histogram.
 const BARS: usize = 64;
+/// Points read before what is measured at them is printed, which bounds memory.
+const BATCH_POINTS: usize = 1 << 16;
 /// Fewer cells than this are not resolved.
 const CELLS_RESOLVED: f64 = 2.0;
 
@@ -34,6 +38,7 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     args.output.as_deref().map(require_numbers).transpose()?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
     let plan = VolumePlan::of(args)?;
+    let points = args.points.as_deref().map(PointReader::open).transpose()?;
     let bars = start(args.work)?;
     let memory = args.surface.memory.0;
     let store = open_store(&args.store, memory / 8, args.surface.io, AcceptedStores::Whole)?;
@@ -64,6 +69,9 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
         let name = in_line(&args.store);
         return Err(anyhow!("{name}: the store has no surface; build it with finer cells").into());
     }
+    if let Some(points) = points {
+        return at_given_points(args, &surface, points, &bars);
+    }
     let mut document = json!({ "unit": store.meta().unit, "cell": surface.cell() });
     let (mut text, mut mesh) = (String::new(), None);
     if let Some(ply) = ply {
@@ -93,6 +101,45 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     if args.work.quiet { Ok(()) } else { print(&text) }
 }
 
+/// Measures at points, and prints what it finds.
+fn at_given_points(
+    args: &ThicknessArgs,
+    surface: &Surface,
+    mut points: PointReader,
+    bars: &Bars,
+) -> Result<(), Failure> {
+    let mut batch = points.batch(BATCH_POINTS)?;
+    let mut writer = PointWriter::of(args.json, "thickness")?;
+    while !batch.is_empty() {
+        let values =
+            at_points(&batch, bars, |last, point| Ok(measured(surface, point, options(args), last)))?;
+        for (point, value) in batch.iter().zip(values.all()) {
+            match value.is_finite() {
+                true => writer.write(*point, to_place(f64::from(*value), surface.cell() / 1000.0))?,
+                false => writer.write_none(*point)?,
+            }
+        }
+        writer.flush()?;
+        batch = points.batch(BATCH_POINTS)?;
+    }
+    writer.flush()
+}
+
+/// What to measure.
+fn options(args: &ThicknessArgs) -> Options {
+    let method = match args.measure {
+        MeasureArg::Sphere => Method::Sphere { separation: args.separation },
+        MeasureArg::Ray => Method::Ray,
+    };
+    Options { method, gaps: args.gaps }
+}
+
+/// Thickness beside a place; not a number where there is none.
+fn measured(surface: &Surface, world: [f64; 3], options: Options, last: &mut PreviousContact) -> f64 {
+    let found = at_world(surface, world, options, last).map(|measured| measured.value);
+    found.filter(|value| value.is_finite()).unwrap_or(f64::NAN)
+}
+
 /// What is told of vertices.
 struct Told {
     /// It has its name when all else is known.
@@ -118,20 +165,13 @@ fn at_vertices(
         );
         warn(&format!("{}: {what}: thinner walls may be missing; build finer cells", in_line(&args.store)));
     }
-    let method = match args.measure {
-        MeasureArg::Sphere => Method::Sphere { separation: args.separation },
-        MeasureArg::Ray => Method::Ray,
-    };
-    let options = Options { method, gaps: args.gaps };
+    let options = options(args);
     let contouring =
         ContourOptions { cache_bytes: (args.surface.memory.0 / 4) as usize, ..ContourOptions::default() };
     let moved = MovedTree::new(store, place.base().unwrap_or_default());
     contour(&moved, &contouring, &mut ply, bars)?;
     let (vertices, triangles) = ply.counts();
-    let values = ply.fill(bars, |last: &mut PreviousContact, world| {
-        let measured = at_world(surface, world, options, last);
-        Ok(measured.map_or(f32::NAN, |m| if m.value.is_finite() { m.value as f32 } else { f32::NAN }))
-    })?;
+    let values = ply.fill(bars, |last, world| Ok(measured(surface, world, options, last) as f32))?;
     let regions = below.map(|below| thin_regions(surface, options, below, bars)).transpose()?;
     let table = regions.as_deref().map(|regions| table(store, regions, cell)).transpose()?;
     let mut document = document(args, store, &values, cell)?;

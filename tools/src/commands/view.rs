@@ -60,7 +60,7 @@ pub fn run(args: &WindowArgs) -> Result<(), Failure> {
     let found = search(&wanted, &store, &bars)?;
     bars.clear();
     let (label_bytes, brick_bytes) = shares(found.as_ref(), args.memory.0, caches - BRICK_CACHE_BYTES);
-    let sides = found.as_ref().map(Findings::sides).transpose()?.flatten();
+    let sides = found.as_ref().map(|found| found.sides(&store)).transpose()?.flatten();
     let colours =
         found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes)).transpose()?;
     if let Some((finding, (found, colours))) = wanted.shown.zip(found.as_ref().zip(colours.as_ref())) {

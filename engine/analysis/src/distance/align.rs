@@ -36,6 +36,13 @@ pub fn align(
     reference: Reference<'_>,
     how: Align,
 ) -> Result<(Motion, f64)> {
+    if let Reference::Cloud(measured) = reference {
+        // Points seldom show all of a part, but the part all that was measured.
+        let points = measured.cloud.samples(ALIGNED_POINTS);
+        let part = Reference::Store(measured.part, measured.sides);
+        let (back, left) = align(&points, measured.cloud.bounds(), part, how)?;
+        return Ok((back.inverse(), left));
+    }
     let mut motion = Motion::NONE;
     let step = points.len().div_ceil(ALIGNED_POINTS).max(1);
     let some: Vec<[f64; 3]> = points.iter().step_by(step).copied().collect();

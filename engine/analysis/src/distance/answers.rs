@@ -34,3 +34,14 @@ pub struct BallAt {
     /// The outward unit normal of the surface there.
     pub outward: [f64; 3],
 }
+
+/// A point of a reference, in world units.
+#[derive(Clone, Copy, Debug)]
+pub struct ReferencePoint {
+    /// Where it is.
+    pub at: [f64; 3],
+    /// The unit normal there.
+    pub normal: [f64; 3],
+    /// How far it is, below 0 from within; not a number where a cloud tells nothing.
+    pub signed: f64,
+}

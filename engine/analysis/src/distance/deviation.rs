@@ -1,14 +1,17 @@
 //! Deviation of a part from a reference: signed distances both ways, and where they are too large.
 
+use super::cloud::MeasuredPart;
 use super::numbers::{PointNumbers, numbers};
 use super::regions::{Region, joined, marked};
 use super::sides::Sides;
 use super::surface::{PatchInfo, Surface};
 use super::triangles::{PreviousPlace, Triangles};
 use crate::error::Result;
-use crate::lattice::{dot, minus};
 use crate::progress::Progress;
 use std::path::Path;
+
+pub use super::answers::ReferencePoint;
+pub use super::motion::Motion;
 
 /// By so many cells the nearest point of a place may be farther than that of the place before tells: more than both are off by.
 const SLACK: f64 = 0.1;
@@ -26,26 +29,8 @@ pub enum Reference<'a> {
     Mesh(&'a Triangles),
     /// The surface of a store, and its samples.
     Store(&'a Surface, &'a Sides<'a>),
-}
-
-/// A point of a reference, in world units.
-#[derive(Clone, Copy, Debug)]
-pub struct ReferencePoint {
-    /// Where it is.
-    pub at: [f64; 3],
-    /// The unit normal there.
-    pub normal: [f64; 3],
-    /// How far it is, below 0 from within.
-    pub signed: f64,
-}
-
-/// A rigid motion: a rotation, then a shift.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion {
-    /// By rows.
-    pub rotation: [[f64; 3]; 3],
-    /// In world units.
-    pub shift: [f64; 3],
+    /// Points that were measured, as by a scanner, on some of the surface.
+    Cloud(MeasuredPart<'a>),
 }
 
 /// How signed distances are spread.
@@ -67,35 +52,13 @@ pub struct Spread {
     pub max: f64,
 }
 
-impl Motion {
-    /// None.
-    pub const NONE: Motion =
-        Motion { rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: [0.0; 3] };
-
-    /// Where a point goes.
-    pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| dot(self.rotation[a], p) + self.shift[a])
-    }
-
-    /// Where it came from.
-    pub fn undo(&self, p: [f64; 3]) -> [f64; 3] {
-        let q = minus(p, self.shift);
-        std::array::from_fn(|a| (0..3).map(|n| self.rotation[n][a] * q[n]).sum())
-    }
-
-    /// By how many degrees it turns.
-    pub fn degrees(&self) -> f64 {
-        let trace = self.rotation[0][0] + self.rotation[1][1] + self.rotation[2][2];
-        (0.5 * (trace - 1.0)).clamp(-1.0, 1.0).acos().to_degrees()
-    }
-}
-
 impl Reference<'_> {
     /// The box around it.
     pub fn bounds(&self) -> [[f64; 3]; 2] {
         match self {
             Reference::Mesh(triangles) => triangles.bounds(),
             Reference::Store(surface, _) => surface.bounds().unwrap_or_default(),
+            Reference::Cloud(measured) => measured.cloud.bounds(),
         }
     }
 
@@ -118,6 +81,7 @@ impl Reference<'_> {
                 Ok(ReferencePoint { at: nearest.at, normal: nearest.normal, signed })
             }
             Reference::Store(surface, sides) => of_surface(surface, sides, from, last),
+            Reference::Cloud(measured) => Ok(measured.opposite(from)),
         }
     }
 
@@ -134,13 +98,15 @@ impl Reference<'_> {
             Reference::Store(surface, sides) => {
                 of_surface(surface, sides, from, &mut PreviousPlace::default())
             }
+            Reference::Cloud(measured) => Ok(measured.cloud.nearest(from)),
         }
     }
 
-    /// Points of it, at most about so many: of a mesh vertices and points spread by area, of a store crossings.
+    /// Points of it, at most about so many: of a mesh vertices and points spread by area, of a store crossings, and those of a cloud.
     pub fn samples(&self, most: usize) -> Vec<[f64; 3]> {
         match self {
             Reference::Mesh(triangles) => triangles.samples(most),
+            Reference::Cloud(measured) => measured.cloud.samples(most),
             Reference::Store(surface, _) => {
                 let step = (surface.patches() as usize).div_ceil(most).max(1);
                 let mut points = Vec::new();

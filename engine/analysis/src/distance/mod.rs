@@ -31,6 +31,8 @@
 //! | `sample_box` | boxes of samples, which both halve |
 //! | `deviation` | signed distances from a reference, both ways |
 //! | `align` | a part laid over a reference |
+//! | `motion` | rigid motions |
+//! | `cloud` | the surface that points of a cloud were measured on |
 //! | `triangle` | the nearest point of one triangle |
 //! | `triangles` | the triangles of a mesh |
 //! | `triangle_sort` | triangles sorted by place, in a file where they are too many |
@@ -46,6 +48,7 @@ mod band;
 mod boxes;
 mod brick_feet;
 pub mod closing;
+mod cloud;
 pub mod deviation;
 mod inscribed;
 mod level_nodes;
@@ -53,6 +56,7 @@ mod local;
 #[cfg(test)]
 mod local_tests;
 mod mitre;
+mod motion;
 mod numbers;
 pub mod offset;
 mod patch;
@@ -79,6 +83,7 @@ mod triangles;
 pub use align::{ALIGNED_POINTS, Align, align};
 pub use answers::{BallAt, Foot, Place};
 pub use band::{BAND, DistanceTree};
+pub use cloud::{CloudSurface, MeasuredPart};
 pub use local::{LocalOf, LocalThickness};
 pub use numbers::PointNumbers;
 pub use regions::Region;

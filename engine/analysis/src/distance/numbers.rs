@@ -31,7 +31,12 @@ impl PointNumbers {
         (self.all.len(), self.finite as usize)
     }
 
-    /// All numbers in order.
+    /// The numbers of all points in order; some may not be finite.
+    pub fn all(&self) -> &[f32] {
+        &self.all
+    }
+
+    /// All finite numbers in order.
     pub fn iter(&self) -> impl Iterator<Item = f64> {
         self.all.iter().filter(|number| number.is_finite()).map(|&number| f64::from(number))
     }

@@ -20,8 +20,8 @@ mod thin;
 pub use balance::EdgeBalance;
 pub use brute::solid_angle;
 pub use cloud::{
-    CloudBrick, CloudBricks, CloudEvaluator, CloudField, CloudPiece, Surfel, Surfels, estimate_normals,
-    median_distance, with_estimated_normals,
+    CloudBrick, CloudBricks, CloudEvaluator, CloudField, CloudPiece, KdTree, Located, Neighbour, Surfel,
+    Surfels, estimate_normals, median_distance, plane_normal, with_estimated_normals,
 };
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, TriangleList};

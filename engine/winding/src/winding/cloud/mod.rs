@@ -25,8 +25,8 @@ use dipole::Dipole;
 use rayon::prelude::*;
 
 pub use brick::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece};
-pub use nearest::median_distance;
-pub use normals::{estimate_normals, with_estimated_normals};
+pub use nearest::{KdTree, Located, Neighbour, median_distance};
+pub use normals::{estimate_normals, plane_normal, with_estimated_normals};
 pub use surfels::{Surfel, Surfels};
 
 fn dipoles_of(surfels: &Surfels, root: RootCube) -> Result<LargeArray<Dipole>> {

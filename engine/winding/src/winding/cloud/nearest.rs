@@ -11,7 +11,7 @@ use std::ops::Range;
 const LEAF_POINTS: usize = 8;
 
 /// What has a place.
-pub(super) trait Located: Pod + Send + Sync {
+pub trait Located: Pod + Send + Sync {
     /// Where it is.
     fn place(&self) -> [f64; 3];
 }
@@ -26,13 +26,14 @@ impl Located for [f64; 3] {
 /// along the part's axis.
 ///
 /// Points that are near each other have near numbers, so that few pages of large arrays are in use.
-pub(super) struct KdTree<P> {
+#[derive(Debug)]
+pub struct KdTree<P> {
     points: LargeArray<P>,
 }
 
 /// A point found.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Neighbour {
+pub struct Neighbour {
     /// Distance squared.
     pub squared: f64,
     /// Where it is.

@@ -131,8 +131,8 @@ fn bucket(range: Range<usize>, tree: &KdTree<NumberedPoint>, progress: &dyn Prog
     Some(bucket_forest(range.start as u32, around, normals))
 }
 
-/// The direction in which the points extend least; 0 if they coincide.
-fn plane_normal(points: impl Iterator<Item = [f64; 3]> + Clone) -> [f64; 3] {
+/// The direction in which points extend least; 0 if they coincide.
+pub fn plane_normal(points: impl Iterator<Item = [f64; 3]> + Clone) -> [f64; 3] {
     let count = points.clone().count() as f64;
     let mean: [f64; 3] = std::array::from_fn(|a| points.clone().map(|p| p[a]).sum::<f64>() / count);
     let mut m = [[0.0; 3]; 3];
