@@ -52,7 +52,7 @@ const CRATES: [(&str, &[Room]); 15] = [
         &[
             ("analysis", &[]),
             ("csg", &[]),
-            ("distance", &[]),
+            ("distance", &["analysis"]),
             ("voids", &["analysis"]),
             ("fraction", &["analysis", "distance"]),
             ("machining", &["analysis", "csg", "voids"]),

@@ -15,6 +15,7 @@ mod program {
     mod csg;
     mod detail;
     mod determinism;
+    mod deviation_tables;
     mod distance;
     mod documents;
     #[cfg(feature = "http")]

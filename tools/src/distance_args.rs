@@ -182,6 +182,9 @@ nearest of them. Vertices where no points were measured have no number (NaN) and
 With --within the command fails, with status 1, if any distance either way is larger. --regions lists the connected surface of \
 the part that is farther: `over` lies outside of the reference, `under` inside. `volume` is the integral of the distance over the area.
 
+--layers and --features sum up the surface by the bead below it, of several the one deposited last: area, and mean, root of the mean \
+square, least and greatest distance, weighted by area. Surface below which no bead is found comes last, without a name.
+
 A part and its CAD model rarely lie at one place. --align shift moves the part for the comparison: middles of boxes first, then \
 nearest points. --align icp turns it, too, from there, by up to some 20 degrees.
 
@@ -207,6 +210,12 @@ pub struct DeviationArgs {
     /// The table of regions farther than --within; its name ends in .csv or .json
     #[arg(long, value_name = "R.csv|.json", requires = "tolerated")]
     pub regions: Option<PathBuf>,
+    /// The table of deviations by layer, of a part built with --identity; its name ends in .csv or .json
+    #[arg(long, value_name = "L.csv|.json")]
+    pub layers: Option<PathBuf>,
+    /// The same by feature, such as external perimeter
+    #[arg(long, value_name = "F.csv|.json")]
+    pub features: Option<PathBuf>,
     /// How the part is laid over the reference
     #[arg(long, value_enum, default_value_t)]
     pub align: AlignArg,

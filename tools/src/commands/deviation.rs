@@ -1,5 +1,6 @@
 //! `brickfield deviation`: a part against what it should be.
 
+use super::deviation_tables::BeadTableFiles;
 use super::reference::{Compared, open_reference, point_text, require_alike, sizes};
 use super::thickness::{layers_of, place_of, require_numbers};
 use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
@@ -14,12 +15,12 @@ use brickfield_engine::distance::deviation::{
     ABSOLUTE_PERCENTILES, Motion, PERCENTILES, Spread, at_points, of_surface, regions_beyond,
 };
 use brickfield_engine::distance::{
-    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, Sides, Surface, align,
+    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, Sides, Surface, align, deviation_by_bead,
 };
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, BrickTree, MovedTree, Store};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Points of the reference that are compared with the part, at most, of each kind.
 const POINTS_BACK: usize = 500_000;
@@ -44,15 +45,18 @@ const COLUMNS: [&str; 11] = [
 pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     require_numbers(&args.output)?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
+    let by_bead = BeadTableFiles::new(args)?;
     let bars = start(args.work)?;
     let store = open_store(&args.store, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
     let mut outputs: Vec<&Path> = vec![&args.output];
-    outputs.extend(args.regions.as_deref());
+    outputs.extend(args.regions.iter().chain(&args.layers).chain(&args.features).map(PathBuf::as_path));
     require_distinct(&outputs, &[&args.store, &args.reference])?;
     require_whole_samples(&store, "its deviation cannot be told")?;
     let unit = store.meta().unit.clone();
     let within = args.within.map(|length| length.in_unit_of(&unit).ok_or_else(no_unit)).transpose()?;
+    let bead_tables = by_bead.tables_of(&store)?;
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
+    let by_bead = by_bead.create()?;
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
     let waiting = (args.memory.0 / 8, folder);
     let metres = Unit::of_symbol(&unit).map(Unit::metres);
@@ -101,6 +105,10 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         (Some(within), Some(_)) => Some(regions_beyond(&surface, reference, (motion, within), &bars)?),
         _ => None,
     };
+    let found = bead_tables
+        .as_ref()
+        .map(|tables| deviation_by_bead((&store, tables), &surface, (reference, motion), &bars))
+        .transpose()?;
     let [there, back] = [Spread::of(&values), Spread::of(&back)];
     let without = vertices - there.points as u64;
     if there.points == 0 {
@@ -136,10 +144,16 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     if let Some(table) = &table {
         document["regions"] = table.objects();
     }
+    let by_bead = found.zip(bead_tables).map(|(found, tables)| by_bead.filled((&found, &tables), cell));
+    by_bead.iter().flatten().for_each(|(name, table, ..)| document[name] = table.objects());
     bars.clear();
     ply.complete()?;
     place.tell(&store, &args.output)?;
     if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
+        table.append_to(&mut file, kind, &document)?;
+        file.finish()?;
+    }
+    for (_, table, mut file, kind) in by_bead.into_iter().flatten() {
         table.append_to(&mut file, kind, &document)?;
         file.finish()?;
     }

@@ -9,6 +9,7 @@ mod build_volume;
 pub mod cache;
 pub mod csg;
 pub mod deviation;
+mod deviation_tables;
 pub mod export;
 mod finding_colours;
 mod findings;

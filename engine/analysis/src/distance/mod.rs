@@ -30,6 +30,7 @@
 //! | `band` | distances near the surface as a tree |
 //! | `sample_box` | boxes of samples, which both halve |
 //! | `deviation` | signed distances from a reference, both ways |
+//! | `by_bead` | deviation by layer and feature |
 //! | `align` | a part laid over a reference |
 //! | `motion` | rigid motions |
 //! | `cloud` | the surface that points of a cloud were measured on |
@@ -47,6 +48,7 @@ mod balls;
 mod band;
 mod boxes;
 mod brick_feet;
+mod by_bead;
 pub mod closing;
 mod cloud;
 pub mod deviation;
@@ -83,6 +85,7 @@ mod triangles;
 pub use align::{ALIGNED_POINTS, Align, align};
 pub use answers::{BallAt, Foot, Place};
 pub use band::{BAND, DistanceTree};
+pub use by_bead::{DeviationByBead, SurfaceDeviation, deviation_by_bead};
 pub use cloud::{CloudSurface, MeasuredPart};
 pub use local::{LocalOf, LocalThickness};
 pub use numbers::PointNumbers;
