@@ -216,11 +216,12 @@ impl<T: Pod + Send + Sync> LargeArray<T> {
         let need = count as u64 * size;
         match &mut self.content {
             Content::Memory(items) => {
-                // What it grows to, for which there is room beside what it grows from.
-                let grown =
-                    if count > items.capacity() { need.max(2 * items.len() as u64 * size) } else { need };
-                if grown <= self.room.bytes {
-                    items.reserve(more);
+                if need <= self.room.bytes {
+                    // Twice as much, so that it seldom moves, but no more than there is room for.
+                    let most = usize::try_from(self.room.bytes / size).unwrap_or(usize::MAX);
+                    if count > items.capacity() {
+                        items.reserve_exact(count.max(most.min(2 * items.len())) - items.len());
+                    }
                     return Ok(());
                 }
                 let mut map = TemporaryMap::new(&self.room.folder)?;
