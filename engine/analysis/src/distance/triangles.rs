@@ -18,7 +18,7 @@ use std::path::Path;
 const RUN: usize = 4;
 const GROUP: usize = 2048;
 /// Bytes of a triangle with its share of boxes.
-const HELD_BYTES: u64 = 64;
+const HELD_BYTES: u64 = 44;
 /// Feet that are as near as this part of their squares are equally near: of an edge, found from its two sides.
 const TIE: f64 = 1e-9;
 /// A ray that passes so near to an edge, in parts of the triangle, asks another one.
@@ -35,7 +35,7 @@ const RAYS: [[f64; 3]; 6] = [
     [0.911_741, -0.201_833, -0.357_719],
 ];
 
-/// All triangles with area of a mesh, with positions of 32 bits as in mesh files: 60 bytes each, in groups of neighbours, in
+/// All triangles with area of a mesh, with positions of 32 bits as in mesh files: 44 bytes each, in groups of neighbours, in
 /// mapped files beside memory where they are more than allowed.
 pub struct Triangles {
     corners: LargeArray<FacetCorners>,
@@ -121,8 +121,8 @@ impl Triangles {
         let size = (0..3).map(|a| high[a] - low[a]).fold(f32::MIN_POSITIVE, f32::max);
         let extent = Extent::new(low, size);
         let mut triangles = Triangles {
-            corners: LargeArray::new(&ArrayRoom::new(memory / 8 * 5, folder)),
-            nodes: LargeArray::new(&ArrayRoom::new(memory / 8 * 3, folder)),
+            corners: LargeArray::new(&ArrayRoom::new(memory / 16 * 13, folder)),
+            nodes: LargeArray::new(&ArrayRoom::new(memory / 16 * 3, folder)),
             groups: Vec::new(),
             boxes: Boxes::new(std::iter::empty(), 1),
             is_closed: balance == 0,
