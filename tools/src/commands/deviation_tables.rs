@@ -1,9 +1,9 @@
 //! Tables of `brickfield deviation` by layer and by feature.
 
+use super::sample::tables_of;
 use crate::distance_args::DeviationArgs;
 use crate::failure::Failure;
 use crate::table::{Table, TableKind, to_place};
-use brickfield_engine::Error;
 use brickfield_engine::distance::{DeviationByBead, SurfaceDeviation};
 use brickfield_engine::part::PartFile;
 use brickfield_engine::store::{BeadTables, Store};
@@ -44,9 +44,7 @@ impl<'a> BeadTableFiles<'a> {
         if self.layers.is_none() && self.features.is_none() {
             return Ok(None);
         }
-        let remedy = "build it from toolpaths with --identity";
-        let none = || Error::store(store.path(), "metadata", "the store does not tell beads apart", remedy);
-        Ok(Some(store.bead_tables()?.ok_or_else(none)?))
+        tables_of(store).map(Some)
     }
 
     /// Makes the files.

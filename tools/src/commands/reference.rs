@@ -110,8 +110,8 @@ pub(super) fn open_reference(
     }
     if CloudInput::is_one(args.reference)? {
         let room = ArrayRoom::new(args.memory / 4, args.folder);
-        let points = CloudInput::join(open_clouds(&[args.reference.to_owned()], &room, bars)?)?.points;
-        let cloud = CloudSurface::new(points).map_err(|error| of_file(args.reference, error))?;
+        let cloud = CloudInput::join(open_clouds(&[args.reference.to_owned()], &room, bars)?)?;
+        let cloud = CloudSurface::new(cloud).map_err(|error| of_file(args.reference, error))?;
         return Ok(OpenReference::Cloud(Box::new(cloud)));
     }
     let inputs = open_inputs(&[args.reference.to_owned()], &[args.output], &OpenOptions::default(), bars)?;

@@ -53,7 +53,11 @@ pub fn run(args: &SampleArgs) -> Result<(), Failure> {
     }
 }
 
-fn tables_of(store: &Store) -> Result<BeadTables, Failure> {
+/// What tells beads apart.
+///
+/// # Errors
+/// If the store does not.
+pub(super) fn tables_of(store: &Store) -> Result<BeadTables, Failure> {
     store.bead_tables()?.ok_or_else(|| {
         let remedy = "build it from toolpaths with --identity";
         Error::store(store.path(), "metadata", "the store does not tell beads apart", remedy).into()

@@ -6,9 +6,9 @@ use super::motion::Motion;
 use super::sides::Sides;
 use super::surface::Surface;
 use crate::error::{Error, Result};
-use crate::large_array::LargeArray;
 use crate::lattice::{dot, frame, minus, solved_positive};
-use crate::winding::{KdTree, plane_normal};
+use crate::soup::PointCloud;
+use crate::winding::{KdTree, by_place, plane_normal};
 
 /// Points that a form goes through: three times what it has unknowns.
 const NEIGHBOURS: usize = 18;
@@ -59,22 +59,17 @@ impl CloudSurface {
     ///
     /// # Errors
     /// If there are too few; if a file for sorting them cannot be made.
-    pub fn new(mut points: LargeArray<[f64; 3]>) -> Result<CloudSurface> {
+    pub fn new(cloud: PointCloud) -> Result<CloudSurface> {
+        let (low, high) = cloud.bounds();
+        let mut points = cloud.points;
         // Repeated ones would leave a form less than it needs.
-        points.sort_by(|p, q| p.partial_cmp(q).unwrap_or(std::cmp::Ordering::Equal))?;
+        points.sort_by(|p, q| by_place(*p, *q))?;
         points.dedup_by(|p, q| p == q);
         if points.len() < NEIGHBOURS {
             let what = format!("a cloud of {} different points tells no surface", points.len());
             return Err(Error::setting(what, format!("give at least {NEIGHBOURS}")));
         }
-        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for point in &points {
-            for a in 0..3 {
-                bounds[0][a] = bounds[0][a].min(point[a]);
-                bounds[1][a] = bounds[1][a].max(point[a]);
-            }
-        }
-        Ok(CloudSurface { tree: KdTree::new(points), bounds })
+        Ok(CloudSurface { tree: KdTree::new(points), bounds: [low, high] })
     }
 
     /// The box around all points.
@@ -86,19 +81,6 @@ impl CloudSurface {
     pub fn samples(&self, most: usize) -> Vec<[f64; 3]> {
         let points = self.tree.points();
         points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
-    }
-
-    /// The nearest point of its surface, whose normal may be turned to either side.
-    pub fn nearest(&self, from: [f64; 3]) -> ReferencePoint {
-        let LocalForm { nearest, normal, height, is_covered } = self.around(from);
-        if is_covered {
-            let at = std::array::from_fn(|a| from[a] - height * normal[a]);
-            return ReferencePoint { at, normal, signed: height };
-        }
-        let away = minus(from, nearest);
-        let distance = dot(away, away).sqrt();
-        let normal = away.map(|c| c / distance.max(f64::MIN_POSITIVE));
-        ReferencePoint { at: nearest, normal, signed: distance }
     }
 
     /// The form through the nearest points of a place. Of those on a line it is their plane.
@@ -174,10 +156,11 @@ impl MeasuredPart<'_> {
 mod tests {
     use super::super::tests::{MIDDLE, ball, surface, tree};
     use super::*;
+    use crate::large_array::LargeArray;
     use crate::lattice::mix;
 
     /// Points spread over a ball, but for a cap, each off by up to so much.
-    fn points_of_ball(count: u64, (centre, radius): ([f64; 3], f64), off: f64) -> LargeArray<[f64; 3]> {
+    fn points_of_ball(count: u64, (centre, radius): ([f64; 3], f64), off: f64) -> PointCloud {
         let random = |n: u64| (mix(n) >> 11) as f64 / (1u64 << 53) as f64;
         let point = |n: u64| {
             let z = 2.0 * random(3 * n) - 1.0;
@@ -187,7 +170,8 @@ mod tests {
             let way = [flat * cos, flat * sin, z];
             (z > -0.5).then(|| std::array::from_fn(|a| centre[a] + r * way[a]))
         };
-        LargeArray::from((0..count).filter_map(point).collect::<Vec<[f64; 3]>>())
+        let points: Vec<[f64; 3]> = (0..count).filter_map(point).collect();
+        PointCloud { points: LargeArray::from(points), normals: LargeArray::default() }
     }
 
     #[test]
@@ -224,6 +208,7 @@ mod tests {
     #[test]
     fn too_few_points_are_refused() {
         let few = LargeArray::from(vec![[1.0, 2.0, 3.0]; 100]);
+        let few = PointCloud { points: few, normals: LargeArray::default() };
         let text = CloudSurface::new(few).err().unwrap().to_string();
         assert!(text.contains("1 different points"), "{text}");
     }

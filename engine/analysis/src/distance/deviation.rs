@@ -98,7 +98,7 @@ impl Reference<'_> {
             Reference::Store(surface, sides) => {
                 of_surface(surface, sides, from, &mut PreviousPlace::default())
             }
-            Reference::Cloud(measured) => Ok(measured.cloud.nearest(from)),
+            Reference::Cloud(measured) => Ok(measured.opposite(from)),
         }
     }
 

@@ -126,7 +126,7 @@ impl PartSorter<'_> {
         let waiting = &mut self.waiting[part];
         waiting.push(facet);
         if waiting.len() == self.most {
-            let offset = self.file.append(&bytes_of(waiting))?;
+            let offset = self.file.append(bytemuck::cast_slice(waiting))?;
             self.written[part].push((offset, waiting.len()));
             waiting.clear();
         }
@@ -136,25 +136,13 @@ impl PartSorter<'_> {
     pub fn part(&mut self, part: usize) -> Result<Vec<FacetCorners>> {
         let mut corners = Vec::new();
         for &(offset, count) in &self.written[part] {
-            let mut bytes = vec![0; count * TRIANGLE_BYTES];
-            self.file.read(offset, &mut bytes)?;
-            corners.append(&mut corners_of(&bytes).ok_or_else(|| self.file.damaged())?);
+            let from = corners.len();
+            corners.resize(from + count, FacetCorners::default());
+            self.file.read(offset, bytemuck::cast_slice_mut(&mut corners[from..]))?;
         }
         corners.append(&mut self.waiting[part]);
         Ok(corners)
     }
-}
-
-pub(super) fn bytes_of(corners: &[FacetCorners]) -> Vec<u8> {
-    corners.as_flattened().as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect()
-}
-
-pub(super) fn corners_of(bytes: &[u8]) -> Option<Vec<FacetCorners>> {
-    let (facets, rest) = bytes.as_chunks::<TRIANGLE_BYTES>();
-    let number =
-        |b: &[u8; TRIANGLE_BYTES], n: usize| f32::from_le_bytes(std::array::from_fn(|k| b[4 * n + k]));
-    let corners = |b| std::array::from_fn(|n| std::array::from_fn(|a| number(b, 3 * n + a)));
-    rest.is_empty().then(|| facets.iter().map(corners).collect())
 }
 
 /// The unit normal of a triangle with area.

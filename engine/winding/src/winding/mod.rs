@@ -21,7 +21,7 @@ pub use balance::EdgeBalance;
 pub use brute::solid_angle;
 pub use cloud::{
     CloudBrick, CloudBricks, CloudEvaluator, CloudField, CloudPiece, KdTree, Located, Neighbour, Surfel,
-    Surfels, estimate_normals, median_distance, plane_normal, with_estimated_normals,
+    Surfels, by_place, estimate_normals, median_distance, plane_normal, with_estimated_normals,
 };
 pub use corners::CornerGrid;
 pub use evaluate::{Evaluation, Evaluator, TriangleList};

@@ -25,7 +25,7 @@ use dipole::Dipole;
 use rayon::prelude::*;
 
 pub use brick::{CloudBrick, CloudBricks, CloudEvaluator, CloudPiece};
-pub use nearest::{KdTree, Located, Neighbour, median_distance};
+pub use nearest::{KdTree, Located, Neighbour, by_place, median_distance};
 pub use normals::{estimate_normals, plane_normal, with_estimated_normals};
 pub use surfels::{Surfel, Surfels};
 

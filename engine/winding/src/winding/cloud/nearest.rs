@@ -60,7 +60,7 @@ struct NearestSearch<'a, P> {
 }
 
 /// The order of places: by x, then y, then z.
-pub(super) fn by_place(p: [f64; 3], q: [f64; 3]) -> Ordering {
+pub fn by_place(p: [f64; 3], q: [f64; 3]) -> Ordering {
     along_axes(p, q, 0)
 }
 
