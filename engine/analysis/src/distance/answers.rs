@@ -1,7 +1,7 @@
 //! What is found of the surface: its patches by number, nearest points, places where balls touch.
 
 /// Which patch: its leaf among those with surface, and its number there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Place {
     /// Number of the leaf.
     pub leaf: u32,

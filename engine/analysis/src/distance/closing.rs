@@ -202,7 +202,7 @@ impl<'a> Joined<'a> {
         if outer > way + 2.0 * SHALLOWER {
             return Ok(edge);
         }
-        let (value, _) = self.filled.on_edge(axis, low, t, outer.abs() + 2.0)?;
+        let value = self.filled.on_edge(axis, low, t, None)?.value;
         if value >= 0.0 || outer <= 0.0 {
             return Ok(edge);
         }

@@ -1,13 +1,13 @@
 //! Offsets and shells of a part as new stores: a lattice of signs of distance − length, with exact crossings.
 
-use super::answers::Foot;
+use super::answers::{Foot, Place};
 use super::mitre::Mitres;
 use super::sample_box::SampleBox;
 use super::sides::{DeepBrick, FAR, Sides};
 use super::surface::Surface;
 use crate::brick::{Brick, Hermite, HermiteEdge, OctNormal, Samples, SignChanges, point_index};
 use crate::error::{Error, Result};
-use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube, minus};
+use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, MAX_LEVEL, NodeKey, RootCube, length, minus};
 use crate::progress::Progress;
 use crate::store::{BrickTree, CoarseSamples, Divided, Meta, Stats, Store, StoreWriter, write_divided};
 use std::path::Path;
@@ -200,22 +200,24 @@ impl<'a> OffsetField<'a> {
         }
     }
 
-    /// The nearest point of the surface, which is likely to be within so many cells.
-    fn closest(&self, from: [f64; 3], within: f64) -> Result<Foot> {
-        match self.surface.closest(from, within) {
-            Some(foot) => Ok(foot),
-            None => self.surface.closest(from, f64::INFINITY).ok_or_else(no_surface),
-        }
+    /// The nearest point of the surface, given the patch of a place beside, if one is known.
+    fn closest(&self, from: [f64; 3], beside: Option<Place>) -> Result<Foot> {
+        let found = match beside {
+            Some(patch) => self.surface.closest_after(from, f64::INFINITY, patch),
+            None => self.surface.closest(from, f64::INFINITY),
+        };
+        found.ok_or_else(no_surface)
     }
 
     /// The field at a sample of the old lattice, or on an edge between two; `inside` where that is known of the sample, or of
     /// both.
-    fn at(&self, from: [f64; 3], inside: Option<bool>, within: f64) -> Result<(f64, [f64; 3])> {
+    fn at(&self, from: [f64; 3], inside: Option<bool>, beside: Option<Place>) -> Result<FieldAt> {
         let is_sample = from.iter().all(|c| c.fract() == 0.0);
-        let foot = self.closest(from, within)?;
+        let foot = self.closest(from, beside)?;
         // A sample's side is certain; of what lies between two only away from the surface.
         let inside = inside.filter(|_| is_sample || foot.distance > BETWEEN).unwrap_or(foot.inside);
-        Ok(self.field(&foot, from, inside))
+        let (value, normal) = self.field(&foot, from, inside);
+        Ok(FieldAt { value, normal, patch: foot.place })
     }
 
     /// Whether a cube of so many cells whose first sample is at a place of the old lattice is solid, if all of it is alike for
@@ -223,7 +225,7 @@ impl<'a> OffsetField<'a> {
     pub(super) fn side(&self, first: [f64; 3], size: i64) -> Result<Option<bool>> {
         let middle = first.map(|c| c + (size / 2) as f64);
         let reach = 0.5 * 3f64.sqrt() * size as f64 + CERTAIN;
-        let foot = self.closest(middle, f64::INFINITY)?;
+        let foot = self.closest(middle, None)?;
         let is_far = foot.distance > FAR;
         let inside = if is_far { self.sides.sample(middle.map(|c| c.round() as i64))? } else { None };
         Ok(self.agreed(&foot, middle, inside, reach))
@@ -251,6 +253,14 @@ impl<'a> OffsetField<'a> {
         }
     }
 
+    /// Whether a sample is solid whose distance from the surface is between two numbers, if that suffices to tell.
+    fn agreed_between(&self, inside: bool, [least, most]: [f64; 2]) -> Option<bool> {
+        let Solid::Offset(_) = self.solid else { return None };
+        let field = |distance: f64| if inside { -distance - self.by } else { distance - self.by };
+        let [a, b] = [least, most].map(field);
+        (a.abs().min(b.abs()) > CERTAIN && (a < 0.0) == (b < 0.0)).then_some(a < 0.0)
+    }
+
     /// The samples of the brick whose first one is this of the old lattice.
     pub(super) fn block(&self, first: [i64; 3]) -> Result<OffsetBrick<'_>> {
         let mut samples = OffsetBrick {
@@ -258,8 +268,9 @@ impl<'a> OffsetField<'a> {
             first,
             part: self.sides.part(first)?,
             values: vec![f32::NAN; BRICK_POINTS.pow(3)],
+            patches: vec![Place::default(); BRICK_POINTS.pow(3)],
         };
-        samples.decide(SampleBox::BRICK, f64::INFINITY)?;
+        samples.decide(SampleBox::BRICK, None)?;
         Ok(samples)
     }
 
@@ -285,6 +296,17 @@ impl Divided for OffsetField<'_> {
     }
 }
 
+/// The field of a sample of which only the side is known.
+fn sign(is_solid: bool) -> f32 {
+    if is_solid { f32::NEG_INFINITY } else { f32::INFINITY }
+}
+
+/// The lower or the upper sample of an edge.
+fn end_of(axis: Axis, mut low: [usize; 3], end: usize) -> [usize; 3] {
+    low[axis.index()] += end;
+    low
+}
+
 fn no_surface() -> Error {
     Error::setting("the store has no surface", "build it with finer cells")
 }
@@ -297,6 +319,15 @@ pub(super) struct OffsetBrick<'a> {
     part: DeepBrick,
     /// The field at samples that were asked for, or only its sign, as an infinite number.
     values: Vec<f32>,
+    /// For each sample a patch near by.
+    patches: Vec<Place>,
+}
+
+/// The field at a place, its normal there, and the patch that it is the distance from.
+pub(super) struct FieldAt {
+    pub value: f64,
+    pub normal: [f64; 3],
+    pub patch: Place,
 }
 
 impl OffsetBrick<'_> {
@@ -317,51 +348,84 @@ impl OffsetBrick<'_> {
         }
     }
 
-    /// Decides a box of samples; the surface is known to be within so many cells of its middle.
-    fn decide(&mut self, samples: SampleBox, within: f64) -> Result<()> {
-        let low = samples.low;
+    /// Decides a box of samples.
+    fn decide(&mut self, samples: SampleBox, beside: Option<Place>) -> Result<()> {
         if samples.is_single() {
-            let (value, _) = self.grown.at(self.place(low), self.inside(low), within)?;
-            // Never zero or no number, which would be neither side.
-            let value = value as f32;
-            self.values[point_index(low)] = if value == 0.0 { f32::MIN_POSITIVE } else { value };
-            return Ok(());
+            return self.ask(samples.low, beside);
         }
-        let middle = samples.middle();
-        let corner = self.place([0; 3]);
+        let (middle, corner) = (samples.middle(), self.place([0; 3]));
         let here = std::array::from_fn(|a| corner[a] + middle[a]);
-        let reach = samples.reach();
-        let foot = self.grown.closest(here, within)?;
+        let foot = self.grown.closest(here, beside)?;
+        samples.fill(&mut self.patches, foot.place);
         // That far from the surface the sample beside is on the same side.
-        let beside = middle.map(|c| c as usize);
-        let inside = if foot.distance > FAR { self.inside(beside) } else { None };
-        if let Some(is_solid) = self.grown.agreed(&foot, here, inside, reach + CERTAIN) {
-            samples.fill(&mut self.values, if is_solid { f32::NEG_INFINITY } else { f32::INFINITY });
+        let inside = if foot.distance > FAR { self.inside(middle.map(|c| c as usize)) } else { None };
+        if let Some(is_solid) = self.grown.agreed(&foot, here, inside, samples.reach() + CERTAIN) {
+            samples.fill(&mut self.values, sign(is_solid));
             return Ok(());
         }
-        let divide = |part: SampleBox| {
-            let there = minus(part.middle(), middle);
-            let moved = crate::lattice::dot(there, there).sqrt();
-            self.decide(part, foot.distance + moved + CERTAIN)
-        };
-        match samples.is_small() {
-            true => samples.singles().try_for_each(divide),
-            false => samples.halves().into_iter().try_for_each(divide),
+        if samples.is_small() {
+            return samples.singles().try_for_each(|sample| self.decide_beside(sample.low, here, &foot));
         }
+        samples.halves().into_iter().try_for_each(|half| self.decide(half, Some(foot.place)))
     }
 
-    fn brick(self) -> Result<Brick> {
+    /// Decides a sample that is near a place whose foot is known.
+    fn decide_beside(&mut self, ijk: [usize; 3], here: [f64; 3], foot: &Foot) -> Result<()> {
+        let at = self.place(ijk);
+        let between = [foot.distance - length(minus(at, here)), length(minus(at, foot.at))];
+        match self.inside(ijk).and_then(|inside| self.grown.agreed_between(inside, between)) {
+            Some(is_solid) => self.values[point_index(ijk)] = sign(is_solid),
+            None => self.ask(ijk, Some(foot.place))?,
+        }
+        Ok(())
+    }
+
+    /// Asks the surface from a sample.
+    fn ask(&mut self, ijk: [usize; 3], beside: Option<Place>) -> Result<()> {
+        let FieldAt { value, patch, .. } = self.grown.at(self.place(ijk), self.inside(ijk), beside)?;
+        // Never zero or no number, which would be neither side.
+        let value = value as f32;
+        self.values[point_index(ijk)] = if value == 0.0 { f32::MIN_POSITIVE } else { value };
+        self.patches[point_index(ijk)] = patch;
+        Ok(())
+    }
+
+    fn brick(mut self) -> Result<Brick> {
         let signs = SignChanges::from_fn(|n| self.values[n] < 0.0);
         let mut samples = Samples::filled(0);
         samples.0.iter_mut().zip(&self.values).for_each(|(s, value)| *s = i16::from(*value < 0.0));
-        let mut hermite = Hermite::default();
-        for axis in Axis::ALL {
+        let lows = Axis::ALL.map(|axis| {
             let mut lows = Vec::new();
             signs.for_edges(axis, |low| lows.push(low));
+            lows
+        });
+        for (axis, lows) in Axis::ALL.into_iter().zip(&lows) {
+            for low in lows {
+                (0..2).try_for_each(|end| self.require_end(axis, *low, end))?;
+            }
+        }
+        let mut hermite = Hermite::default();
+        for (axis, lows) in Axis::ALL.into_iter().zip(lows) {
             let edges = lows.into_iter().map(|low| self.crossing(axis, low)).collect::<Result<_>>()?;
             hermite.edges[axis.index()] = edges;
         }
         Ok(Brick::from_samples(samples, hermite))
+    }
+
+    /// Asks the surface from the end of an edge, of which several edges need to know.
+    fn require_end(&mut self, axis: Axis, low: [usize; 3], end: usize) -> Result<()> {
+        let ijk = end_of(axis, low, end);
+        let known = self.values[point_index(ijk)];
+        if known.is_finite() {
+            return Ok(());
+        }
+        self.ask(ijk, Some(self.patches[point_index(ijk)]))?;
+        let value = &mut self.values[point_index(ijk)];
+        // What was certain stays so.
+        if (*value < 0.0) != (known < 0.0) {
+            *value = known;
+        }
+        Ok(())
     }
 
     /// Where the field is zero between two samples.
@@ -371,35 +435,33 @@ impl OffsetBrick<'_> {
 
     /// The field at the lower or the upper end of an edge.
     pub(super) fn end(&self, axis: Axis, low: [usize; 3], end: usize) -> Result<f64> {
-        let mut ijk = low;
-        ijk[axis.index()] += end;
+        let ijk = end_of(axis, low, end);
         let known = self.values[point_index(ijk)];
         if known.is_finite() {
             return Ok(f64::from(known));
         }
+        let beside = Some(self.patches[point_index(ijk)]);
         // Rounded as those that are known, so that every brick finds the same crossing.
-        Ok(f64::from(self.grown.at(self.place(ijk), self.inside(ijk), f64::INFINITY)?.0 as f32))
+        Ok(f64::from(self.grown.at(self.place(ijk), self.inside(ijk), beside)?.value as f32))
     }
 
     /// Of a part that both ends of an edge are in, or both are not, the edge is in, or not, where it is far from the surface.
-    fn beside(&self, axis: Axis, low: [usize; 3]) -> Option<bool> {
-        let mut high = low;
-        high[axis.index()] += 1;
-        self.inside(low).filter(|inside| self.inside(high) == Some(*inside))
+    fn side_of(&self, axis: Axis, low: [usize; 3]) -> Option<bool> {
+        self.inside(low).filter(|inside| self.inside(end_of(axis, low, 1)) == Some(*inside))
     }
 
-    /// The field on an edge, at a part of the way from its lower sample, and the normal there. The surface is likely to be
-    /// within so many cells.
+    /// The field on an edge, at a part of the way from its lower sample, given the patch of a place beside, or that of the sample.
     pub(super) fn on_edge(
         &self,
         axis: Axis,
         low: [usize; 3],
         t: f64,
-        within: f64,
-    ) -> Result<(f64, [f64; 3])> {
+        beside: Option<Place>,
+    ) -> Result<FieldAt> {
         let mut at = self.place(low);
         at[axis.index()] += t;
-        self.grown.at(at, self.beside(axis, low), within)
+        let beside = beside.unwrap_or(self.patches[point_index(low)]);
+        self.grown.at(at, self.side_of(axis, low), Some(beside))
     }
 
     /// Where the field is zero on an edge between two places where it has these values, the lower place first, by the false
@@ -412,7 +474,7 @@ impl OffsetBrick<'_> {
     ) -> Result<HermiteEdge> {
         let mut ends = [lower.0, upper.0];
         let mut values = [lower.1, upper.1];
-        let mut normal = [0.0; 3];
+        let (mut normal, mut beside) = ([0.0; 3], None);
         let is_low_inside = values[0] < 0.0;
         let (mut t, mut kept) = (0.5, None);
         for step in 0..STEPS {
@@ -424,9 +486,9 @@ impl OffsetBrick<'_> {
             } else {
                 0.5 * (ends[0] + ends[1])
             };
-            let within = a.abs().max(b.abs()) + self.grown.by.abs() + 2.0;
-            let (value, outward) = self.on_edge(axis, low, t, within)?;
-            normal = outward;
+            let there = self.on_edge(axis, low, t, beside)?;
+            let value = there.value;
+            (normal, beside) = (there.normal, Some(there.patch));
             if value.abs() < ROOT || ends[1] - ends[0] < 1e-5 {
                 break;
             }

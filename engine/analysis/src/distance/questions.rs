@@ -124,6 +124,8 @@ pub(super) struct NearestQuery {
     within: f64,
     /// What is equally near.
     near: Vec<NearFoot>,
+    /// The patch that was asked first.
+    before: Option<Place>,
 }
 
 struct NearFoot {
@@ -135,7 +137,19 @@ struct NearFoot {
 
 impl NearestQuery {
     pub fn new(from: [f64; 3], within: f64) -> NearestQuery {
-        NearestQuery { from, probe: Probe::default(), within: within * within, near: Vec::new() }
+        NearestQuery {
+            from,
+            probe: Probe::default(),
+            within: within * within,
+            near: Vec::new(),
+            before: None,
+        }
+    }
+
+    /// Asks a patch before all others, which bounds where these may be.
+    pub fn begin(&mut self, piece: &Piece, place: Place) {
+        self.visit(piece, place);
+        self.before = Some(place);
     }
 
     fn take(&mut self, touch: Touch, local: [f64; 3], base: [f64; 3], place: Place) {
@@ -183,6 +197,9 @@ impl PatchQuestion for NearestQuery {
     }
 
     fn visit(&mut self, piece: &Piece, place: Place) -> bool {
+        if self.before == Some(place) {
+            return false;
+        }
         let local = minus(self.from, piece.base);
         if let Some(touch) = piece.patch(place).nearest(piece.rings, local, self.most()) {
             self.take(touch, local, piece.base, place);

@@ -168,6 +168,13 @@ impl Surface {
         self.ask(NearestQuery::new(from, within)).best()
     }
 
+    /// The same point, sooner found: `before` is a patch that is likely to be near, as that of a place beside.
+    pub(super) fn closest_after(&self, from: [f64; 3], within: f64, before: Place) -> Option<Foot> {
+        let mut query = NearestQuery::new(from, within);
+        query.begin(&self.piece(before.leaf as usize), before);
+        self.ask(query).best()
+    }
+
     /// The normal of the surface around a foot, from all patches that are near: facets of the input turn it by less than the
     /// normal of one crossing. Patches beyond edges do not count.
     pub fn normal_around(&self, at: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
