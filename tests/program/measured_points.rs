@@ -40,10 +40,24 @@ fn scan(dir: &Scratch, name: &str, motion: Motion) -> PathBuf {
     dir.file(name, text)
 }
 
+/// Positions and numbers of a PLY of points.
+fn points_with_numbers(path: &Path, property: &str) -> Vec<([f64; 3], f32)> {
+    let bytes = std::fs::read(path).unwrap();
+    let end = bytes.windows(11).position(|some| some == b"end_header\n").unwrap() + 11;
+    let head = String::from_utf8_lossy(&bytes[..end]);
+    assert!(head.contains(&format!("property double z\nproperty float {property}\nend_header")), "{head}");
+    let number = |row: &[u8; 28], axis: usize| f64::from_le_bytes(row.as_chunks::<8>().0[axis]);
+    let (rows, rest) = bytes[end..].as_chunks::<28>();
+    assert!(rest.is_empty() && head.contains(&format!("element vertex {}\n", rows.len())), "{head}");
+    let value = |row: &[u8; 28]| f32::from_le_bytes(*row.last_chunk::<4>().unwrap());
+    rows.iter().map(|row| ([0, 1, 2].map(|axis| number(row, axis)), value(row))).collect()
+}
+
 #[test]
 fn points_of_some_of_a_part_tell_where_it_differs() {
     let dir = Scratch::new();
     let (part, out, table) = (block(&dir), dir.path("d.ply"), dir.path("r.csv"));
+    let measured = dir.path("m.ply");
     let (sin, cos) = 0.08f64.sin_cos();
     let motion =
         Motion { rotation: [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], shift: [0.4, -0.2, 0.3] };
@@ -60,6 +74,8 @@ fn points_of_some_of_a_part_tell_where_it_differs() {
             &"0.1mm",
             &"--regions",
             &table,
+            &"--reference-points",
+            &measured,
             &"--json",
         ]);
         assert!(found.stderr.contains("is above --within 0.1"), "{}", found.stderr);
@@ -86,6 +102,14 @@ fn points_of_some_of_a_part_tell_where_it_differs() {
         assert_eq!(back["points"].as_u64(), Some(30_000));
         assert!((back["max"].as_f64().unwrap() - 0.3).abs() < 0.005, "{back}");
         assert!(back["min"].as_f64().unwrap() > -0.01, "{back}");
+        // Each point stands where it was measured, with how far it lies from the part.
+        let points = points_with_numbers(&measured, "deviation");
+        assert_eq!(points.len(), 30_000);
+        for (place, number) in points {
+            let [x, y, z] = motion.undo(place);
+            let bulge = if z >= HALF[2] - 0.001 { z - HALF[2] } else { 0.0 };
+            assert!((f64::from(number) - bulge).abs() < 0.01, "({x}, {y}, {z}): {number}");
+        }
     }
     // The picture takes the same points.
     let picture = dir.path("d.png");
@@ -129,6 +153,13 @@ fn clouds_that_cannot_be_compared_are_a_line() {
     refused(&few, "few.xyz: a cloud of 4 different points tells no surface");
     refused(&far, "far.xyz: it does not overlap the part");
     refused(&metres, "metres.xyz: it is about 1000 times smaller than the part");
+    let near = scan(&dir, "near.xyz", Motion::NONE);
+    for (name, text) in [("m.csv", "m.csv: the name must end in .ply"), ("d.ply", "d.ply")] {
+        let points = dir.path(name);
+        let told = run(&[&"deviation", &part, &near, &"-o", &out, &"--reference-points", &points]);
+        assert!(told.status != Some(0) && told.stderr.contains(text), "{}", told.stderr);
+        assert!(!out.exists() && !points.exists());
+    }
 }
 
 #[test]

@@ -216,6 +216,10 @@ pub struct DeviationArgs {
     /// The same by feature, such as external perimeter
     #[arg(long, value_name = "F.csv|.json")]
     pub features: Option<PathBuf>,
+    /// The points of the reference that are compared with the part, each with its deviation; its name ends in .ply. Of a cloud these
+    /// are all of its points
+    #[arg(long, value_name = "POINTS.ply")]
+    pub reference_points: Option<PathBuf>,
     /// How the part is laid over the reference
     #[arg(long, value_enum, default_value_t)]
     pub align: AlignArg,

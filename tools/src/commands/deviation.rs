@@ -1,6 +1,7 @@
 //! `brickfield deviation`: a part against what it should be.
 
 use super::deviation_tables::BeadTableFiles;
+use super::mesh_place::MeshPlace;
 use super::reference::{Compared, open_reference, point_text, require_alike, sizes};
 use super::thickness::{layers_of, place_of, require_numbers};
 use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
@@ -15,7 +16,8 @@ use brickfield_engine::distance::deviation::{
     ABSOLUTE_PERCENTILES, Motion, PERCENTILES, Spread, at_points, of_surface, regions_beyond,
 };
 use brickfield_engine::distance::{
-    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, Sides, Surface, align, deviation_by_bead,
+    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, ScalarPoints, Sides, Surface, align,
+    deviation_by_bead,
 };
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, BrickTree, MovedTree, Store};
@@ -41,15 +43,29 @@ const COLUMNS: [&str; 11] = [
     "layer_last",
 ];
 
+/// What was found of a part and its reference.
+struct Comparison {
+    there: Spread,
+    back: Spread,
+    /// Vertices, and triangles, of the part's mesh.
+    counts: (u64, u64),
+    how: Align,
+    motion: Motion,
+    /// The root of the mean square that aligning left.
+    residual: f64,
+}
+
 /// Runs the command.
 pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     require_numbers(&args.output)?;
+    args.reference_points.as_deref().map(require_ply).transpose()?;
     let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
     let by_bead = BeadTableFiles::new(args)?;
     let bars = start(args.work)?;
     let store = open_store(&args.store, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
     let mut outputs: Vec<&Path> = vec![&args.output];
-    outputs.extend(args.regions.iter().chain(&args.layers).chain(&args.features).map(PathBuf::as_path));
+    let tables = args.regions.iter().chain(&args.layers).chain(&args.features);
+    outputs.extend(tables.chain(&args.reference_points).map(PathBuf::as_path));
     require_distinct(&outputs, &[&args.store, &args.reference])?;
     require_whole_samples(&store, "its deviation cannot be told")?;
     let unit = store.meta().unit.clone();
@@ -57,6 +73,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     let bead_tables = by_bead.tables_of(&store)?;
     let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
     let by_bead = by_bead.create()?;
+    let points_file = args.reference_points.as_deref().map(PartFile::create).transpose()?;
     let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
     let waiting = (args.memory.0 / 8, folder);
     let metres = Unit::of_symbol(&unit).map(Unit::metres);
@@ -89,17 +106,27 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
     let moved = MovedTree::new(&store, place.base().unwrap_or_default());
     contour(&moved, &contouring, &mut ply, &bars)?;
-    let (vertices, triangles) = ply.counts();
+    let counts = ply.counts();
     let how = Align::from(args.align);
-    let (motion, left) = align(&ply.some_positions(ALIGNED_POINTS), bounds, reference, how)?;
+    let (motion, residual) = align(&ply.some_positions(ALIGNED_POINTS), bounds, reference, how)?;
     let reference = opened.reference(sides_of_reference.as_ref(), beside, motion);
     let values = ply.fill(&bars, |last: &mut PreviousPlace, world| {
         Ok(reference.opposite_next(motion.apply(world), last)?.signed as f32)
     })?;
-    let samples: Vec<[f64; 3]> =
-        reference.samples(POINTS_BACK).into_iter().map(|point| motion.undo(point)).collect();
-    let back = at_points(&samples, &bars, |last: &mut PreviousPlace, point| {
-        Ok(of_surface(&surface, &sides, point, last)?.signed)
+    let some: Vec<[f64; 3]>;
+    let points = match opened.points().filter(|_| points_file.is_some()) {
+        Some(all) => all,
+        None => {
+            some = reference.samples(POINTS_BACK);
+            &some
+        }
+    };
+    let mut written =
+        points_file.map(|file| ScalarPoints::new(file, "deviation", points.len())).transpose()?;
+    let from_part =
+        |last: &mut PreviousPlace, point| Ok(of_surface(&surface, &sides, motion.undo(point), last)?.signed);
+    let back = at_points(points, waiting, &bars, from_part, |points, numbers| {
+        written.as_mut().map_or(Ok(()), |file| file.append(points, numbers))
     })?;
     let regions = match (within, kind) {
         (Some(within), Some(_)) => Some(regions_beyond(&surface, reference, (motion, within), &bars)?),
@@ -110,32 +137,13 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         .map(|tables| deviation_by_bead((&store, tables), &surface, (reference, motion), &bars))
         .transpose()?;
     let [there, back] = [Spread::of(&values), Spread::of(&back)];
-    let without = vertices - there.points as u64;
+    let comparison = Comparison { there, back, counts, how, motion, residual };
     if there.points == 0 {
         let what = "no vertex of the part lies where points were measured; are both in one place? --align icp moves it";
         warn(&format!("{}: {what}", in_line(&args.reference)));
     }
     let table = regions.as_ref().map(|regions| table(&store, regions, cell)).transpose()?;
-    let mut document = json!({
-        "unit": unit,
-        "cell": cell,
-        "reference": args.reference.display().to_string(),
-        "reference_is": opened.kind(),
-        "vertices": vertices,
-        "vertices_without_points": without,
-        "triangles": triangles,
-        "origin": place.origin(),
-        "coordinate_bits": place.bits(),
-        "align": {
-            "method": match how { Align::No => "none", Align::Shift => "shift", Align::Rigid => "icp" },
-            "shift": motion.shift,
-            "rotation": motion.rotation,
-            "degrees": motion.degrees(),
-            "residual": to_place(left, cell / 1e4),
-        },
-        "part_to_reference": spread(&there, cell),
-        "reference_to_part": spread(&back, cell),
-    });
+    let mut document = comparison.document(args, &store, opened.kind(), &place);
     if let Some(within) = within {
         let beyond = values.iter().filter(|value| value.abs() > within).count();
         document["within"] = json!(within);
@@ -148,6 +156,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     by_bead.iter().flatten().for_each(|(name, table, ..)| document[name] = table.objects());
     bars.clear();
     ply.complete()?;
+    written.as_mut().map(ScalarPoints::complete).transpose()?;
     place.tell(&store, &args.output)?;
     if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
         table.append_to(&mut file, kind, &document)?;
@@ -160,7 +169,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
     if args.json {
         print_json(&document)?;
     } else if !args.work.quiet {
-        let mut text = summary(args, &store, (&there, without, &back), (how, motion, left), regions.as_ref());
+        let mut text = comparison.summary(args, &store, regions.as_ref());
         text.extend(place.line(unit_of(store.meta())).map(|line| format!("\norigin {line}")));
         print(&text)?;
     }
@@ -172,6 +181,17 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
         return Err(anyhow!("{name}: the largest deviation {largest} is above --within {within}").into());
     }
     Ok(())
+}
+
+/// Refuses a name of points with numbers that does not end in .ply.
+fn require_ply(path: &Path) -> Result<(), Failure> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
+        return Ok(());
+    }
+    Err(Failure::Usage(format!(
+        "{}: the name must end in .ply, the format of points with numbers",
+        in_line(path)
+    )))
 }
 
 /// Tells of a part that lies elsewhere on the bed.
@@ -229,49 +249,83 @@ fn table(store: &Store, sides: &[Vec<Region>; 2], cell: f64) -> Result<Table<'st
     Ok(Table::of_rows(&COLUMNS, rows))
 }
 
-fn summary(
-    args: &DeviationArgs,
-    store: &Store,
-    (there, without, back): (&Spread, u64, &Spread),
-    (how, motion, left): (Align, Motion, f64),
-    regions: Option<&[Vec<Region>; 2]>,
-) -> String {
-    let unit = unit_of(store.meta());
-    let cell = store.root().spacing(store.meta().depth);
-    let length = |value: f64| to_place(value, cell / 1000.0);
-    let line = |spread: &Spread| {
-        format!(
-            "{} to {} {unit}, rms {}, 95 % within ±{}, 98 % within {} to {}",
-            length(spread.min),
-            length(spread.max),
-            length(spread.rms),
-            length(spread.absolute[1]),
-            length(spread.percentiles[1]),
-            length(spread.percentiles[3])
-        )
-    };
-    let mut text = format!(
-        "{}: {} vertices; deviation {}\nback from {} points of the reference {}",
-        in_line(&args.output),
-        there.points,
-        line(there),
-        back.points,
-        line(back)
-    );
-    if how != Align::No {
-        let [x, y, z] = motion.shift.map(length);
-        let turned = if how == Align::Rigid {
-            format!("turned by {:.4}° and ", motion.degrees())
-        } else {
-            String::new()
+impl Comparison {
+    /// Vertices where no points were measured.
+    fn without(&self) -> u64 {
+        self.counts.0 - self.there.points as u64
+    }
+
+    fn document(&self, args: &DeviationArgs, store: &Store, kind: &str, place: &MeshPlace) -> Value {
+        let cell = store.root().spacing(store.meta().depth);
+        let method = match self.how {
+            Align::No => "none",
+            Align::Shift => "shift",
+            Align::Rigid => "icp",
         };
-        text += &format!("\n{turned}shifted by ({x}, {y}, {z}) {unit}; residual {}", length(left));
+        json!({
+            "unit": store.meta().unit,
+            "cell": cell,
+            "reference": args.reference.display().to_string(),
+            "reference_is": kind,
+            "vertices": self.counts.0,
+            "vertices_without_points": self.without(),
+            "triangles": self.counts.1,
+            "origin": place.origin(),
+            "coordinate_bits": place.bits(),
+            "align": {
+                "method": method,
+                "shift": self.motion.shift,
+                "rotation": self.motion.rotation,
+                "degrees": self.motion.degrees(),
+                "residual": to_place(self.residual, cell / 1e4),
+            },
+            "part_to_reference": spread(&self.there, cell),
+            "reference_to_part": spread(&self.back, cell),
+        })
     }
-    if without > 0 {
-        text += &format!("\n{without} vertices have no number: no points were measured there");
+
+    /// What is found, for people.
+    fn summary(&self, args: &DeviationArgs, store: &Store, regions: Option<&[Vec<Region>; 2]>) -> String {
+        let Comparison { there, back, motion, .. } = self;
+        let unit = unit_of(store.meta());
+        let cell = store.root().spacing(store.meta().depth);
+        let length = |value: f64| to_place(value, cell / 1000.0);
+        let line = |spread: &Spread| {
+            format!(
+                "{} to {} {unit}, rms {}, 95 % within ±{}, 98 % within {} to {}",
+                length(spread.min),
+                length(spread.max),
+                length(spread.rms),
+                length(spread.absolute[1]),
+                length(spread.percentiles[1]),
+                length(spread.percentiles[3])
+            )
+        };
+        let mut text = format!(
+            "{}: {} vertices; deviation {}\nback from {} points of the reference {}",
+            in_line(&args.output),
+            there.points,
+            line(there),
+            back.points,
+            line(back)
+        );
+        if self.how != Align::No {
+            let [x, y, z] = motion.shift.map(length);
+            let turned = if self.how == Align::Rigid {
+                format!("turned by {:.4}° and ", motion.degrees())
+            } else {
+                String::new()
+            };
+            text +=
+                &format!("\n{turned}shifted by ({x}, {y}, {z}) {unit}; residual {}", length(self.residual));
+        }
+        let without = self.without();
+        if without > 0 {
+            text += &format!("\n{without} vertices have no number: no points were measured there");
+        }
+        if let Some([over, under]) = regions {
+            text += &format!("\n{} regions over, {} under", over.len(), under.len());
+        }
+        text
     }
-    if let Some([over, under]) = regions {
-        text += &format!("\n{} regions over, {} under", over.len(), under.len());
-    }
-    text
 }

@@ -44,6 +44,14 @@ impl OpenReference {
         }
     }
 
+    /// All points, if it is a cloud.
+    pub fn points(&self) -> Option<&[[f64; 3]]> {
+        match self {
+            OpenReference::Cloud(cloud) => Some(cloud.points()),
+            OpenReference::Mesh(_) | OpenReference::Store(_) => None,
+        }
+    }
+
     /// Where it is inside, if it is a store.
     pub fn sides(&self) -> Result<Option<Sides<'_>>, Failure> {
         match self {

@@ -111,8 +111,8 @@ fn at_given_points(
     let mut batch = points.batch(BATCH_POINTS)?;
     let mut writer = PointWriter::of(args.json, "thickness")?;
     while !batch.is_empty() {
-        let values =
-            at_points(&batch, bars, |last, point| Ok(measured(surface, point, options(args), last)))?;
+        let thickness = |last: &mut _, point| Ok(measured(surface, point, options(args), last));
+        let values = at_points(&batch, (u64::MAX, Path::new(".")), bars, thickness, |_, _| Ok(()))?;
         for (point, value) in batch.iter().zip(values.all()) {
             match value.is_finite() {
                 true => writer.write(*point, to_place(f64::from(*value), surface.cell() / 1000.0))?,

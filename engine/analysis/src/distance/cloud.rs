@@ -77,9 +77,14 @@ impl CloudSurface {
         self.bounds
     }
 
+    /// All of its different points; those that are near each other are mostly together.
+    pub fn points(&self) -> &[[f64; 3]] {
+        self.tree.points()
+    }
+
     /// Every so manieth point, so that these are at most so many.
     pub fn samples(&self, most: usize) -> Vec<[f64; 3]> {
-        let points = self.tree.points();
+        let points = self.points();
         points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
     }
 

@@ -146,20 +146,25 @@ pub fn of_surface(
     Ok(ReferencePoint { at: surface.to_world(foot.at), normal: foot.normal, signed })
 }
 
-/// Asks for a number at all points, on all threads, in order. `number` may keep something from one point to the next.
+/// Asks for a number at all points, on all threads, in order. `number` may keep something from one point to the next. `take` is
+/// shown points with their numbers, in order. Numbers take so many bytes of memory, with a file in `folder` for what does not fit.
 ///
 /// # Errors
-/// What `number` gives; [`crate::error::Error::Interrupted`].
+/// What `number` and `take` give; [`crate::error::Error::Interrupted`].
 pub fn at_points<L: Default>(
     points: &[[f64; 3]],
+    (memory, folder): (u64, &Path),
     progress: &dyn Progress,
     number: impl Fn(&mut L, [f64; 3]) -> Result<f64> + Sync,
+    mut take: impl FnMut(&[[f64; 3]], &[f32]) -> Result<()> + Send,
 ) -> Result<PointNumbers> {
     progress.phase("distances", Some(points.len() as u64), "points");
-    // As many as the points are, which are in memory, too.
-    let mut found = PointNumbers::new(u64::MAX, Path::new("."));
-    let take = |_: &[[f64; 3]], numbers: &[f32]| found.extend(numbers);
-    numbers(points, progress, |last: &mut L, p| Ok(number(last, p)? as f32), take)?;
+    let mut found = PointNumbers::new(memory, folder);
+    let number = |last: &mut L, p| Ok(number(last, p)? as f32);
+    numbers(points, progress, number, |points, numbers| {
+        take(points, numbers)?;
+        found.extend(numbers)
+    })?;
     Ok(found)
 }
 

@@ -2,6 +2,10 @@
 
 use crate::lattice::dot;
 
+/// From what half of the square of a neighbour's distance, in squares of the distance of the farthest corner, the neighbour does not
+/// bound a cell: that is 2, and a little for rounding.
+const WELL_BEYOND: f64 = 2.000_001;
+
 /// The area of the part of the tangent plane that is nearer to a point than to its neighbours (the Voronoi cell
 /// among them, Barill et al. 2018, section 6), within a square that reaches as far as the neighbours do. On a
 /// regular grid that is the grid's cell; over scattered points the cells fill the plane. `around` are the ways
@@ -10,13 +14,17 @@ pub(super) fn cell_area(normal: [f64; 3], around: impl Iterator<Item = [f64; 3]>
     let (u, v) = plane_axes(normal);
     let mut cell = vec![[-reach, -reach], [reach, -reach], [reach, reach], [-reach, reach]];
     let mut kept = Vec::with_capacity(16);
+    let farthest =
+        |cell: &[[f64; 2]]| cell.iter().fold(0.0f64, |most, p| most.max(p[0] * p[0] + p[1] * p[1]));
+    let mut farthest_corner = farthest(&cell);
     for way in around {
         let seen = [dot(way, u), dot(way, v)];
         let half = 0.5 * (seen[0] * seen[0] + seen[1] * seen[1]);
-        // Right above or below: no direction to divide along.
-        if half > 0.0 {
+        // Right above or below there is no direction to divide along, and whose middle lies beyond all corners divides nothing.
+        if half > 0.0 && half < WELL_BEYOND * farthest_corner {
             cut(&cell, &mut kept, seen, half);
             std::mem::swap(&mut cell, &mut kept);
+            farthest_corner = farthest(&cell);
         }
     }
     let corners = cell.iter().zip(cell.iter().cycle().skip(1));

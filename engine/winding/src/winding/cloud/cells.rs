@@ -201,39 +201,26 @@ impl CloudCells {
         // Half of the extent of the samples.
         let half = 0.5 * ((1u64 << bits) as f64 - (1u64 << self.spacing) as f64).max(0.0);
         let center = place.map(|c| (u64::from(c) << bits) as f64 + 1.0 + half);
-        let mut cell = match above {
-            None => CloudCell {
-                center,
-                local: LocalExpansion::default(),
-                spent: 0.0,
-                near: vec![0],
-                has_points: false,
-                is_final: false,
-            },
-            Some(above) => CloudCell {
-                center,
-                local: above.local.shifted(std::array::from_fn(|a| center[a] - above.center[a])),
-                spent: above.spent,
-                near: above.near.clone(),
-                has_points: above.has_points,
-                is_final: false,
-            },
-        };
+        let mut cell = CloudCell::below(above, center);
+        let near: &[u32] = above.map_or(&[0], |above| &above.near);
         let radius = 3f64.sqrt() * half;
         let is_least = bits <= self.spacing + 1;
+        let clusters = tree.clusters();
         if !cell.has_points {
-            cell.absorb((tree, &self.moments), radius, DOWN_SHARE * (self.error - cell.spent));
-            let clusters = tree.clusters();
-            let points: u32 = cell.near.iter().map(|&c| clusters[c as usize].elements().len() as u32).sum();
-            if points <= NEAR_MAX || is_least {
-                cell.near = cell.near.iter().flat_map(|&c| clusters[c as usize].elements()).collect();
-                cell.has_points = true;
-            }
+            let budget = DOWN_SHARE * (self.error - cell.spent);
+            let left = cell.absorb((tree, &self.moments), near, radius, budget);
+            let points: u32 = left.iter().map(|&c| clusters[c as usize].elements().len() as u32).sum();
+            cell.has_points = points <= NEAR_MAX || is_least;
+            cell.near = left;
         }
         if cell.has_points {
             let samples = 1u64.checked_shl(3 * (bits - self.spacing)).unwrap_or(u64::MAX);
             let few = if is_least { usize::MAX } else { (SEEN_MAX / samples) as usize };
-            cell.absorb_points(tree, radius, self.error, few);
+            let is_of_points = above.is_some_and(|above| above.has_points);
+            let of_clusters =
+                || cell.near.iter().flat_map(|&c| clusters[c as usize].elements()).collect::<Vec<_>>();
+            let points = if is_of_points { near } else { &of_clusters() };
+            cell.absorb_points(tree, points, radius, self.error, few);
         }
         cell
     }
@@ -258,27 +245,42 @@ impl FarCandidate {
 }
 
 impl CloudCell {
+    /// A cell as it is handed down, before what is near it is looked at.
+    fn below(above: Option<&CloudCell>, center: [f64; 3]) -> CloudCell {
+        CloudCell {
+            center,
+            local: above.map_or_else(LocalExpansion::default, |above| {
+                above.local.shifted(std::array::from_fn(|a| center[a] - above.center[a]))
+            }),
+            spent: above.map_or(0.0, |above| above.spent),
+            near: Vec::new(),
+            has_points: above.is_some_and(|above| above.has_points),
+            is_final: false,
+        }
+    }
+
     /// Takes what is near a final cell in place of other points, in units of a distance of 2^spacing; whether there is any.
     pub fn gather(&self, tree: &ClusterTree<Dipole>, spacing: u32, near: &mut NearPoints) -> bool {
         near.gather(self.near.iter().map(|&e| &tree.elements()[e as usize]), self.center, spacing);
         !self.near.is_empty()
     }
 
-    /// Adds clusters to the polynomial that are far enough from all samples within `radius`, with an error of at most
-    /// `budget` together. Larger ones are divided.
+    /// Adds those of some clusters to the polynomial that are far enough from all samples within `radius`, with an error of at
+    /// most `budget` together. Larger ones are divided. Returns what is left.
     fn absorb(
         &mut self,
         (tree, moments): (&ClusterTree<Dipole>, &[ClusterMoments]),
+        near: &[u32],
         radius: f64,
         budget: f64,
-    ) {
+    ) -> Vec<u32> {
         let clusters = tree.clusters();
         let mut share = FIRST_SHARE * budget;
         let (mut far, mut left) = (Vec::<FarCandidate>::new(), Vec::new());
-        let mut waiting: Vec<u32> = self.near.iter().rev().copied().collect();
+        let mut waiting: Vec<u32> = near.iter().rev().copied().collect();
         let put = |c: u32, waiting: &mut Vec<u32>, left: &mut Vec<u32>| {
             let cluster = &clusters[c as usize];
-            match cluster.halves(c) {
+            match cluster.halves() {
                 Some([first, second]) if cluster.reach.spread > DIVIDED * radius => {
                     waiting.extend([second, first]);
                 }
@@ -315,16 +317,23 @@ impl CloudCell {
             add_clusters(&mut self.local, &far.collect::<Vec<_>>(), radius);
         }
         self.spent += spent;
-        self.near = left;
+        left
     }
 
-    /// Adds points, which are all that is near, to the polynomial as far as a share of what is left of the error allows,
+    /// Adds points, which are all that was near, to the polynomial as far as a share of what is left of the error allows,
     /// the farthest first. If all that is left of it would leave a `few` points or less, that is spent, and the cell is final.
     ///
     /// A dipole of area A at the distance r adds an error of at most A/(4π r²) e(t/r) within t of the centre, with
     /// e(q) = q⁶ (7 − 6q)/(1 − q)²: see [`local_bound`]. They are counted by classes of q², each with the bound of
     /// its largest.
-    fn absorb_points(&mut self, tree: &ClusterTree<Dipole>, radius: f64, error: f64, few: usize) {
+    fn absorb_points(
+        &mut self,
+        tree: &ClusterTree<Dipole>,
+        near: &[u32],
+        radius: f64,
+        error: f64,
+        few: usize,
+    ) {
         let mut classes = [PointClass::default(); BINS];
         let center = self.center;
         let way_to = |number: &u32| tree.elements()[*number as usize].way_from(center);
@@ -342,7 +351,7 @@ impl CloudCell {
             classes[class].points += 1;
             class as u8
         };
-        let of_each: Vec<u8> = self.near.iter().map(class_of).collect();
+        let of_each: Vec<u8> = near.iter().map(class_of).collect();
         let (last, spent, is_final) = settle_classes(&classes, of_each.len(), error - self.spent, few);
         let is_far = |class: u8| usize::from(class) < last;
         let scale = 1.0 / radius;
@@ -350,14 +359,14 @@ impl CloudCell {
             way: way_to(number).map(|c| (c * scale) as f32),
             dipole: tree.elements()[*number as usize].over_four_pi().map(|c| (c * scale * scale) as f32),
         };
-        let far = self.near.iter().zip(&of_each).filter(|(_, class)| is_far(**class));
+        let far = near.iter().zip(&of_each).filter(|(_, class)| is_far(**class));
         let far: Vec<FarDipole> = far.map(|(number, _)| far_dipole(number)).collect();
         if !far.is_empty() {
             add_dipoles(&mut self.local, &far, radius);
         }
         self.spent += spent;
-        let mut of_each = of_each.into_iter();
-        self.near.retain(|_| of_each.next().is_some_and(|class| !is_far(class)));
+        let left = near.iter().zip(&of_each).filter(|(_, class)| !is_far(**class));
+        self.near = left.map(|(number, _)| *number).collect();
         self.is_final = is_final;
     }
 }

@@ -36,6 +36,28 @@ fn keys(level: u8) -> impl Iterator<Item = NodeKey> {
     (0..1u64 << (3 * level)).map(move |n| NodeKey::from_code(1 << (3 * level) | n).unwrap())
 }
 
+/// Each cluster is a half of one other, which ends where the next half begins, and all that are asked for by many cells come first.
+#[test]
+fn clusters_are_halves_and_large_ones_come_first() {
+    for count in [2, 8, 9, 60, 64, 65, 129, 1000, 4321] {
+        let tree = field_of(&torus(count, 7)).tree;
+        let clusters = tree.clusters();
+        let sizes: Vec<usize> = clusters.iter().map(|cluster| cluster.elements().len()).collect();
+        let large = sizes.iter().take_while(|&&size| size > 64).count();
+        assert!(sizes[large..].iter().all(|&size| size <= 64), "{count}");
+        assert_eq!(clusters[0].elements(), 0..tree.elements().len() as u32);
+        let mut is_half = vec![0; clusters.len()];
+        for cluster in clusters {
+            let Some(halves) = cluster.halves() else { continue };
+            halves.iter().for_each(|&half| is_half[half as usize] += 1);
+            let [first, second] = halves.map(|half| clusters[half as usize].elements());
+            assert_eq!((first.start, second.end), (cluster.elements().start, cluster.elements().end));
+            assert_eq!(first.end, second.start);
+        }
+        assert!(is_half[0] == 0 && is_half[1..].iter().all(|&times| times == 1), "{count}");
+    }
+}
+
 struct Filled {
     near: NearPoints,
     values: Box<[f64; POINTS]>,

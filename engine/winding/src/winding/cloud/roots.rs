@@ -61,7 +61,10 @@ pub(super) fn hermite_of(
         cell.gather(tree, cells.spacing, near);
         for some in edges.chunks_mut(LANES) {
             let spacing = f64::from(1u32 << key.spacing_bits());
-            (0..STEPS_MAX).for_each(|_| approach(some, (cell, near), ways, spacing));
+            let mut steps = 0..STEPS_MAX;
+            while some.iter().any(|edge| !edge.is_found) && steps.next().is_some() {
+                approach(some, (cell, near), ways, spacing);
+            }
             for edge in some {
                 let rank = signs.rank(edge.axis, edge.lower, &ranks[edge.axis.index()]);
                 hermite.edges[edge.axis.index()][rank] = edge.crossing();

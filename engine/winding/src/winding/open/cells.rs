@@ -164,7 +164,7 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
             let center = cluster.center;
             let distance =
                 length(std::array::from_fn(|a| (low[a] - center[a]).max(center[a] - high[a]).max(0.0)));
-            match cluster.halves(c) {
+            match cluster.halves() {
                 Some(halves) if cluster.reach.farthest > NEAR_SIZE * distance => waiting.extend(halves),
                 _ => total += cluster.magnitude(distance),
             }
@@ -185,7 +185,7 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
             let cluster = &clusters[c as usize];
             let way: [f64; 3] = std::array::from_fn(|a| cluster.center[a] - cell.center[a]);
             let bound = self.far_bound(cluster.reach, length(way), radius);
-            match cluster.halves(c) {
+            match cluster.halves() {
                 _ if bound <= left * CLUSTER_SHARE => {
                     left -= bound;
                     taken.push(c);
@@ -337,7 +337,7 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
         let bound = |c: u32| self.far_bound(clusters[c as usize].reach, length(way(c)), radius);
         let halves = |c: u32| {
             let cluster = &clusters[c as usize];
-            cluster.halves(c).filter(|_| cluster.reach.farthest > SIZE_MAX * radius)
+            cluster.halves().filter(|_| cluster.reach.farthest > SIZE_MAX * radius)
         };
         let choice = choose(&cell.near, budget, bound, halves);
         if !choice.taken.is_empty() {
@@ -389,7 +389,7 @@ impl<'a, E: SurfaceElement> BoundedTree<'a, E> {
             )
         };
         let budget = self.error - cell.spent;
-        let choice = choose(&cell.near, budget, bound, |c| clusters[c as usize].halves(c));
+        let choice = choose(&cell.near, budget, bound, |c| clusters[c as usize].halves());
         let elements: Vec<u32> = choice.left.iter().flat_map(|&c| clusters[c as usize].elements()).collect();
         if samples > 1 && elements.len() * samples > WORK_MAX && bits > 1 {
             return CellPlan::Divide;

@@ -15,21 +15,19 @@ use std::ops::Range;
 #[repr(C)]
 pub(in crate::winding) struct Cluster {
     pub center: [f64; 3],
-    pub reach: Reach,
-    pub expansion: Expansion,
     /// Its elements.
     first: u32,
     count: u32,
-    /// Number of its second half among the clusters; the first half is the next cluster. 0 if undivided.
-    second: u32,
-    /// Fills the last eight bytes.
-    unused: u32,
+    /// Numbers of its halves among the clusters; 0 if undivided.
+    halves: [u32; 2],
+    pub reach: Reach,
+    pub expansion: Expansion,
 }
 
 impl Cluster {
-    /// Its halves, if it is divided; it has the number `own`.
-    pub fn halves(&self, own: u32) -> Option<[u32; 2]> {
-        (self.second != 0).then_some([own + 1, self.second])
+    /// Numbers of its halves, if it is divided.
+    pub fn halves(&self) -> Option<[u32; 2]> {
+        (self.halves != [0; 2]).then_some(self.halves)
     }
 
     /// Numbers of its elements.
@@ -55,6 +53,9 @@ impl Cluster {
 
 /// Most elements that have high moments, in clusters of one: beyond, clusters would take more than 156 MiB.
 const FINE_ELEMENTS: usize = 1 << 17;
+/// Elements of a small cluster. Large ones, which all cells ask for, stand first, and a small one together with all below it takes
+/// about a page: of arrays in files few pages are in use then.
+const SMALL_ELEMENTS: usize = 64;
 
 /// What clusters over so many elements take, which have high moments if they are few.
 pub(super) fn cluster_bytes<E: SurfaceElement>(elements: u64) -> u64 {
@@ -102,8 +103,14 @@ impl<E: SurfaceElement> ClusterTree<E> {
         let mut clusters = LargeArray::zeroed(count, elements.room())?;
         let high = if is_fine::<E>(elements.len()) { count } else { 0 };
         let mut high = LargeArray::zeroed(high, elements.room())?;
-        if !elements.is_empty() {
-            divide(&mut elements, leaf, 0, (&mut clusters, &mut high), 0);
+        match elements.len() {
+            0 => {}
+            n if high.is_empty() => {
+                let large = large_of(n);
+                let parts = clusters.split_at_mut(large);
+                divide_large(&mut elements, leaf, 0, parts, (0, large as u32));
+            }
+            _ => divide(&mut elements, leaf, 0, (&mut clusters, &mut high), 0),
         }
         Ok(ClusterTree { elements, clusters, high, made: ExpansionCache::default() })
     }
@@ -141,7 +148,7 @@ impl<E: SurfaceElement> ClusterTree<E> {
     /// The sum over all elements at a position 64 and more of the root's edges away, where four elements
     /// span less than a 36th of the distance, so that their expansion is off by less than 1e-9.
     pub fn far_at(&self, p: [f64; 3]) -> f64 {
-        let undivided = self.clusters.iter().filter(|c| c.second == 0);
+        let undivided = self.clusters.iter().filter(|c| c.halves().is_none());
         undivided.map(|c| c.seen_from(p)).sum()
     }
 }
@@ -152,6 +159,67 @@ fn clusters_of(elements: usize, leaf: usize) -> usize {
         0 => 0,
         n if n <= leaf => 1,
         n => 1 + clusters_of(n / 2, leaf) + clusters_of(n - n / 2, leaf),
+    }
+}
+
+/// How many of the clusters over so many elements are large.
+fn large_of(elements: usize) -> usize {
+    match elements {
+        n if n <= SMALL_ELEMENTS => 0,
+        n => 1 + large_of(n / 2) + large_of(n - n / 2),
+    }
+}
+
+/// Fills in the clusters over `elements`, the first of which has the number `first` of all: large ones, and small ones with all that
+/// are below these. The first of each have these numbers.
+fn divide_large<E: SurfaceElement>(
+    elements: &mut [E],
+    leaf: usize,
+    first: u32,
+    (large, small): (&mut [Cluster], &mut [Cluster]),
+    numbers: (u32, u32),
+) {
+    let count = elements.len();
+    if count <= SMALL_ELEMENTS {
+        return divide(elements, leaf, first, (small, &mut []), numbers.1);
+    }
+    let (lower, upper) = halved(elements);
+    let in_left = large_of(lower.len());
+    let small_in_left = clusters_of(lower.len(), leaf) - in_left;
+    let left = (numbers.0 + 1, numbers.1);
+    let right = (left.0 + in_left as u32, left.1 + small_in_left as u32);
+    let number = |count: usize, of: (u32, u32)| if count <= SMALL_ELEMENTS { of.1 } else { of.0 };
+    let halves = [number(lower.len(), left), number(upper.len(), right)];
+    let second = first + lower.len() as u32;
+    let (own, below) = large.split_first_mut().expect("one for each large part");
+    *own = Cluster { first, count: count as u32, halves, ..summarise(elements, false) };
+    let (lower, upper) = elements.split_at_mut(count / 2);
+    let (left_large, right_large) = below.split_at_mut(in_left);
+    let (left_small, right_small) = small.split_at_mut(small_in_left);
+    let left = || divide_large(lower, leaf, first, (left_large, left_small), left);
+    let right = || divide_large(upper, leaf, second, (right_large, right_small), right);
+    join(count, left, right);
+}
+
+/// Divides elements in halves along the longest axis.
+fn halved<E: SurfaceElement>(elements: &mut [E]) -> (&mut [E], &mut [E]) {
+    let half = elements.len() / 2;
+    let axis = longest_axis(elements);
+    elements.select_nth_unstable_by(half, |a, b| {
+        let (a, b) = (a.position(), b.position());
+        let from = |i: usize| a[(axis + i) % 3].total_cmp(&b[(axis + i) % 3]);
+        from(0).then(from(1)).then(from(2))
+    });
+    elements.split_at_mut(half)
+}
+
+/// Does both, at the same time where there are many elements: below that, handing over costs more than it gains.
+fn join(elements: usize, left: impl FnOnce() + Send, right: impl FnOnce() + Send) {
+    if elements > 4096 {
+        rayon::join(left, right);
+    } else {
+        left();
+        right();
     }
 }
 
@@ -168,37 +236,25 @@ fn divide<E: SurfaceElement>(
     let half = count / 2;
     let second = if count > leaf { number + 1 + clusters_of(half, leaf) as u32 } else { 0 };
     if second != 0 {
-        let axis = longest_axis(elements);
-        let key = |e: &E| e.position();
-        elements.select_nth_unstable_by(half, |a, b| {
-            let (a, b) = (key(a), key(b));
-            let from = |i: usize| a[(axis + i) % 3].total_cmp(&b[(axis + i) % 3]);
-            from(0).then(from(1)).then(from(2))
-        });
+        halved(elements);
     }
     let (own, below) = clusters.split_first_mut().expect("one for each part");
     let is_fine = !high.is_empty();
     *own = summarise(elements, is_fine);
-    (own.first, own.count, own.second) = (first, count as u32, second);
+    (own.first, own.count) = (first, count as u32);
     let (own_high, high) = high.split_at_mut(usize::from(is_fine));
     if second == 0 {
         own_high.iter_mut().for_each(|high| *high = HighMoments::of(elements, own.center));
         return;
     }
+    own.halves = [number + 1, second];
     let in_left = (second - number - 1) as usize;
     let (left_clusters, right_clusters) = below.split_at_mut(in_left);
     let (left_high, right_high) = high.split_at_mut(if is_fine { in_left } else { 0 });
     let (lower, upper) = elements.split_at_mut(half);
-    let mut left = || divide(lower, leaf, first, (&mut *left_clusters, &mut *left_high), number + 1);
-    let mut right =
-        || divide(upper, leaf, first + half as u32, (&mut *right_clusters, &mut *right_high), second);
-    // Below that, handing over costs more than it gains.
-    if count > 4096 {
-        rayon::join(left, right);
-    } else {
-        left();
-        right();
-    }
+    let left = || divide(lower, leaf, first, (&mut *left_clusters, &mut *left_high), number + 1);
+    let right = || divide(upper, leaf, first + half as u32, (&mut *right_clusters, &mut *right_high), second);
+    join(count, left, right);
     for sum in own_high {
         let way = |cluster: &Cluster| std::array::from_fn(|a| cluster.center[a] - own.center[a]);
         let halves = [(&left_high[0], way(&left_clusters[0])), (&right_high[0], way(&right_clusters[0]))];
