@@ -1,7 +1,7 @@
 //! `brickfield deviation`: a part against what it should be.
 
 use super::deviation_tables::BeadTableFiles;
-use super::mesh_place::MeshPlace;
+use super::mesh_place::{MeshPlace, ends_in};
 use super::reference::{Compared, open_reference, point_text, require_alike, sizes};
 use super::thickness::{layers_of, place_of, require_numbers};
 use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
@@ -185,7 +185,7 @@ pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
 
 /// Refuses a name of points with numbers that does not end in .ply.
 fn require_ply(path: &Path) -> Result<(), Failure> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
+    if ends_in(path, &["ply"]) {
         return Ok(());
     }
     Err(Failure::Usage(format!(

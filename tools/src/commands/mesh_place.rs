@@ -18,7 +18,8 @@ use std::path::{Path, PathBuf};
 /// Rounding by more than this part of a cell asks for coordinates of 64 bits.
 const CELL_PART: f64 = 256.0;
 
-fn ends_in(path: &Path, endings: &[&str]) -> bool {
+/// Whether the name of a file ends in one of these, in capitals or not.
+pub(super) fn ends_in(path: &Path, endings: &[&str]) -> bool {
     endings.iter().any(|known| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(known)))
 }
 

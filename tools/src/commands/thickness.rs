@@ -1,6 +1,6 @@
 //! `brickfield thickness`: how thick walls are, at every vertex of the mesh.
 
-use super::mesh_place::{MeshPlace, PlaceWish};
+use super::mesh_place::{MeshPlace, PlaceWish, ends_in};
 use super::thickness_volume::VolumePlan;
 use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
 use crate::args::OriginArg;
@@ -200,10 +200,12 @@ pub(super) fn place_of(
 
 /// Refuses a name of another format than those whose vertices have numbers.
 pub(super) fn require_numbers(path: &Path) -> Result<(), Failure> {
-    let ends = |known: &&str| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(known));
     let what = "the name must end in .ply, .vtp or .glb, the formats whose vertices have numbers";
-    let has_numbers = SCALAR_ENDINGS.iter().any(ends);
-    if has_numbers { Ok(()) } else { Err(Failure::Usage(format!("{}: {what}", in_line(path)))) }
+    if ends_in(path, &SCALAR_ENDINGS) {
+        Ok(())
+    } else {
+        Err(Failure::Usage(format!("{}: {what}", in_line(path))))
+    }
 }
 
 /// The layers of the beads beside the lowest and the highest point of each region, from 1; null where the store does not tell

@@ -202,26 +202,26 @@ impl CloudCells {
         let half = 0.5 * ((1u64 << bits) as f64 - (1u64 << self.spacing) as f64).max(0.0);
         let center = place.map(|c| (u64::from(c) << bits) as f64 + 1.0 + half);
         let mut cell = CloudCell::below(above, center);
-        let near: &[u32] = above.map_or(&[0], |above| &above.near);
+        let mut near: &[u32] = above.map_or(&[0], |above| &above.near);
         let radius = 3f64.sqrt() * half;
         let is_least = bits <= self.spacing + 1;
-        let clusters = tree.clusters();
+        let of_clusters: Vec<u32>;
         if !cell.has_points {
+            let clusters = tree.clusters();
             let budget = DOWN_SHARE * (self.error - cell.spent);
             let left = cell.absorb((tree, &self.moments), near, radius, budget);
             let points: u32 = left.iter().map(|&c| clusters[c as usize].elements().len() as u32).sum();
-            cell.has_points = points <= NEAR_MAX || is_least;
-            cell.near = left;
+            if points > NEAR_MAX && !is_least {
+                cell.near = left;
+                return cell;
+            }
+            cell.has_points = true;
+            of_clusters = left.iter().flat_map(|&c| clusters[c as usize].elements()).collect();
+            near = &of_clusters;
         }
-        if cell.has_points {
-            let samples = 1u64.checked_shl(3 * (bits - self.spacing)).unwrap_or(u64::MAX);
-            let few = if is_least { usize::MAX } else { (SEEN_MAX / samples) as usize };
-            let is_of_points = above.is_some_and(|above| above.has_points);
-            let of_clusters =
-                || cell.near.iter().flat_map(|&c| clusters[c as usize].elements()).collect::<Vec<_>>();
-            let points = if is_of_points { near } else { &of_clusters() };
-            cell.absorb_points(tree, points, radius, self.error, few);
-        }
+        let samples = 1u64.checked_shl(3 * (bits - self.spacing)).unwrap_or(u64::MAX);
+        let few = if is_least { usize::MAX } else { (SEEN_MAX / samples) as usize };
+        cell.absorb_points(tree, near, radius, self.error, few);
         cell
     }
 }

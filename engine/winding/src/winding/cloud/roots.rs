@@ -61,8 +61,10 @@ pub(super) fn hermite_of(
         cell.gather(tree, cells.spacing, near);
         for some in edges.chunks_mut(LANES) {
             let spacing = f64::from(1u32 << key.spacing_bits());
-            let mut steps = 0..STEPS_MAX;
-            while some.iter().any(|edge| !edge.is_found) && steps.next().is_some() {
+            for _ in 0..STEPS_MAX {
+                if some.iter().all(|edge| edge.is_found) {
+                    break;
+                }
                 approach(some, (cell, near), ways, spacing);
             }
             for edge in some {

@@ -21,7 +21,8 @@ pub(in crate::winding) trait MemorySize {
 /// Values by key. What a value is follows from its key, so forgetting one costs time and nothing else.
 pub(in crate::winding) struct ConcurrentCache<K, V> {
     parts: Box<[Mutex<Part<K, V>>]>,
-    part_bytes: usize,
+    /// Most bytes of a generation of a part.
+    half_bytes: usize,
 }
 
 /// Values of two generations: when the younger one has filled its half of the room, it becomes the older one, and what nobody
@@ -43,16 +44,15 @@ impl<K: Hash + Eq + Copy, V: MemorySize> ConcurrentCache<K, V> {
     /// Keeps values of at most so many bytes together.
     pub fn new(bytes: usize) -> ConcurrentCache<K, V> {
         let part = || Mutex::new(Part { young: HashMap::default(), old: HashMap::default(), bytes: 0 });
-        ConcurrentCache { parts: (0..PARTS).map(|_| part()).collect(), part_bytes: bytes / PARTS }
+        ConcurrentCache { parts: (0..PARTS).map(|_| part()).collect(), half_bytes: bytes / PARTS / 2 }
     }
 
     /// The value of a key, made if it is not there. Two threads that ask at the same time may both make it.
     pub fn get_or_make(&self, key: K, make: impl FnOnce() -> V) -> Arc<V> {
-        let half = self.part_bytes / 2;
-        let known = self.part(&key).get(key, half);
+        let known = self.part(&key).get(key, self.half_bytes);
         known.unwrap_or_else(|| {
             let value = Arc::new(make());
-            self.part(&key).insert(key, Arc::clone(&value), half);
+            self.part(&key).insert(key, Arc::clone(&value), self.half_bytes);
             value
         })
     }

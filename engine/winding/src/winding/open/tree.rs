@@ -183,34 +183,32 @@ fn divide_large<E: SurfaceElement>(
     if count <= SMALL_ELEMENTS {
         return divide(elements, leaf, first, (small, &mut []), numbers.1);
     }
-    let (lower, upper) = halved(elements);
-    let in_left = large_of(lower.len());
-    let small_in_left = clusters_of(lower.len(), leaf) - in_left;
+    let half = count / 2;
+    halve(elements, half);
+    let in_left = large_of(half);
+    let small_in_left = clusters_of(half, leaf) - in_left;
     let left = (numbers.0 + 1, numbers.1);
     let right = (left.0 + in_left as u32, left.1 + small_in_left as u32);
     let number = |count: usize, of: (u32, u32)| if count <= SMALL_ELEMENTS { of.1 } else { of.0 };
-    let halves = [number(lower.len(), left), number(upper.len(), right)];
-    let second = first + lower.len() as u32;
+    let halves = [number(half, left), number(count - half, right)];
     let (own, below) = large.split_first_mut().expect("one for each large part");
     *own = Cluster { first, count: count as u32, halves, ..summarise(elements, false) };
-    let (lower, upper) = elements.split_at_mut(count / 2);
+    let (lower, upper) = elements.split_at_mut(half);
     let (left_large, right_large) = below.split_at_mut(in_left);
     let (left_small, right_small) = small.split_at_mut(small_in_left);
     let left = || divide_large(lower, leaf, first, (left_large, left_small), left);
-    let right = || divide_large(upper, leaf, second, (right_large, right_small), right);
+    let right = || divide_large(upper, leaf, first + half as u32, (right_large, right_small), right);
     join(count, left, right);
 }
 
-/// Divides elements in halves along the longest axis.
-fn halved<E: SurfaceElement>(elements: &mut [E]) -> (&mut [E], &mut [E]) {
-    let half = elements.len() / 2;
+/// Puts the `half` elements that are lowest along the longest axis before all others.
+fn halve<E: SurfaceElement>(elements: &mut [E], half: usize) {
     let axis = longest_axis(elements);
     elements.select_nth_unstable_by(half, |a, b| {
         let (a, b) = (a.position(), b.position());
         let from = |i: usize| a[(axis + i) % 3].total_cmp(&b[(axis + i) % 3]);
         from(0).then(from(1)).then(from(2))
     });
-    elements.split_at_mut(half)
 }
 
 /// Does both, at the same time where there are many elements: below that, handing over costs more than it gains.
@@ -236,7 +234,7 @@ fn divide<E: SurfaceElement>(
     let half = count / 2;
     let second = if count > leaf { number + 1 + clusters_of(half, leaf) as u32 } else { 0 };
     if second != 0 {
-        halved(elements);
+        halve(elements, half);
     }
     let (own, below) = clusters.split_first_mut().expect("one for each part");
     let is_fine = !high.is_empty();
