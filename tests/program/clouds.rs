@@ -176,6 +176,32 @@ fn every_command_answers_and_bytes_do_not_depend_on_threads() {
     assert!(warned.status == Some(0) && warned.stderr.contains("nothing lies inside"), "{}", warned.stderr);
 }
 
+/// Points that memory has no room for lie in files without names, also where nothing is built of them.
+#[test]
+fn points_beyond_memory_give_the_same_answers() {
+    let dir = Scratch::new();
+    let cloud = dir.file("torus.ply", ply(&scattered(&torus(), 20_000, 8), true));
+    let (info, winding) = (["info", "--json"], ["winding", "--points", "-"]);
+    let told = |args: &[&str], memory: &str, folder: &Path| {
+        let mut all: Vec<&dyn AsRef<OsStr>> = vec![&args[0], &cloud];
+        all.extend(args[1..].iter().map(|word| word as &dyn AsRef<OsStr>));
+        run_with(
+            &[&all[..], &[&"--memory", &memory, &"--temp-dir", &folder]].concat(),
+            "10,0,0\n13,0,0\n0,0,0\n",
+        )
+    };
+    let none = dir.path("none");
+    for args in [&info[..], &winding] {
+        let free = told(args, "1GiB", &none).ok();
+        assert_eq!(told(args, "1MiB", &dir.path("")).ok(), free);
+        let refused = told(args, "1MiB", &none).failed();
+        assert!(refused.contains("temporary file") && refused.contains("none"), "{refused}");
+    }
+    let w = w_of(&told(&winding, "1MiB", &dir.path("")).ok());
+    assert!((w[0] - 1.0).abs() < 0.01 && (w[1] - 1.0).abs() < 0.05 && w[2].abs() < 0.01, "{w:?}");
+    assert_eq!(dir.names(), ["torus.ply"]);
+}
+
 #[test]
 fn clouds_that_cannot_be_built_are_refused_in_one_line() {
     let dir = Scratch::new();

@@ -1,6 +1,7 @@
 //! What the user types. The commands turn it into checked plans.
 
 use crate::cache_args::{CacheArgs, CompressionArg};
+use crate::clouds::CloudRoomArgs;
 use crate::csg_args::CsgArgs;
 use crate::devices::{BackendArgs, DeviceCheckArg};
 use crate::distance_args::{DeviationArgs, OffsetArgs, ThicknessArgs};
@@ -378,6 +379,8 @@ pub struct InfoArgs {
     pub unit: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
+    #[command(flatten)]
+    pub room: CloudRoomArgs,
 }
 
 /// Print w at points, from a store
@@ -467,6 +470,8 @@ pub struct WindingArgs {
     pub unit: Option<Unit>,
     #[command(flatten)]
     pub toolpath: ToolpathArgs,
+    #[command(flatten)]
+    pub room: CloudRoomArgs,
 }
 
 /// Write levels as a volume that other tools open

@@ -1,12 +1,38 @@
 //! Point clouds among what was typed.
 
 use crate::failure::Failure;
+use crate::memory::budget;
 use crate::output::warn;
-use brickfield_engine::build::MixedInput;
+use crate::units::Size;
+use brickfield_engine::build::{MixedInput, Resources};
 use brickfield_engine::ingest::{CloudInput, Input};
 use brickfield_engine::large_array::ArrayRoom;
 use brickfield_engine::{Error, Progress};
-use std::path::PathBuf;
+use clap::Args;
+use std::env;
+use std::path::{Path, PathBuf};
+
+/// Where the points of clouds are kept that are only asked something.
+#[derive(Args)]
+pub struct CloudRoomArgs {
+    /// Memory for the points of clouds, as in 4GiB, maps of files not counted; by default half of what the machine has. What does
+    /// not fit goes to temporary files, but for 24 bytes a point
+    #[arg(long, value_name = "SIZE")]
+    pub memory: Option<Size>,
+    /// Folder of these files, which have no names there and vanish with the program; the system's own by default
+    #[arg(long, value_name = "DIR")]
+    pub temp_dir: Option<PathBuf>,
+}
+
+impl CloudRoomArgs {
+    /// The room of each array of points.
+    pub fn of_arrays(&self) -> ArrayRoom {
+        let folder = self.temp_dir.clone().unwrap_or_else(env::temp_dir);
+        let memory = budget(self.memory).map_or(u64::MAX, |size| size.0);
+        let resources = Resources { memory, temp_dir: Some(folder), ..Resources::default() };
+        resources.array_room(Path::new(""))
+    }
+}
 
 /// Inputs by their kind, each in the order in which they were typed.
 pub struct TypedInputs {

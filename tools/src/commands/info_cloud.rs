@@ -13,7 +13,6 @@ use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::Progress;
 use brickfield_engine::build::{cloud_cells, surfels};
 use brickfield_engine::ingest::CloudInput;
-use brickfield_engine::large_array::ArrayRoom;
 use brickfield_engine::winding::{Surfels, median_distance};
 use serde_json::json;
 use std::path::Path;
@@ -38,11 +37,11 @@ impl Plan {
 /// Runs the command.
 pub fn run(file: &Path, args: &InfoArgs) -> Result<(), Failure> {
     let bars = start(WorkArgs { threads: args.threads, quiet: args.json, progress: ProgressArg::Auto })?;
-    let Some(cloud) = open_clouds(&[file.to_owned()], &ArrayRoom::unbounded(), &bars)?.pop() else {
+    let Some(cloud) = open_clouds(&[file.to_owned()], &args.room.of_arrays(), &bars)?.pop() else {
         return Ok(());
     };
     bars.phase("measuring", Some(cloud.cloud.points.len() as u64), "points");
-    let distance = median_distance(&cloud.cloud.points);
+    let distance = median_distance(&cloud.cloud.points)?;
     let (format, bytes, points) = (cloud.describe(), cloud.bytes(), cloud.cloud.points.len());
     let (min, max) = cloud.cloud.bounds();
     let (columns, normals, told) = (cloud.columns.clone(), cloud.normals(), cloud.columns_text());

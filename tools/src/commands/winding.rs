@@ -18,7 +18,6 @@ use brickfield_engine::Progress;
 use brickfield_engine::backend::{self, Vulkan};
 use brickfield_engine::build::{bead_sources, bounds_of_sources, is_closed, surfels};
 use brickfield_engine::ingest::{CloudInput, Facets, Input, bounds_of_all};
-use brickfield_engine::large_array::ArrayRoom;
 use brickfield_engine::lattice::RootCube;
 use brickfield_engine::pieces::{FlippedFacets, FlippedSource, study};
 use brickfield_engine::solid::{Outline, Solids, beads_at, brute_beads_at};
@@ -35,7 +34,7 @@ pub fn run(args: &WindingArgs) -> Result<(), Failure> {
     require_inputs(&args.inputs, "sample PART.brf --points P.csv")?;
     let bars = start(args.work)?;
     let typed = TypedInputs::of(&args.inputs, args.estimate_normals)?;
-    let clouds = open_clouds(&typed.clouds, &ArrayRoom::unbounded(), &bars)?;
+    let clouds = open_clouds(&typed.clouds, &args.room.of_arrays(), &bars)?;
     if !clouds.is_empty() {
         refuse_count(args, "it needs toolpaths as solids")?;
     }

@@ -58,46 +58,68 @@ impl TestMesh {
     }
 }
 
+/// Half-edges (from, to, third corner) in order, and where those of each vertex begin.
+struct HalfEdges {
+    all: Vec<[u32; 3]>,
+    begins: Vec<usize>,
+}
+
+impl HalfEdges {
+    fn of(triangles: &[[u32; 3]]) -> HalfEdges {
+        let mut all: Vec<[u32; 3]> =
+            triangles.iter().flat_map(|&[a, b, c]| [[a, b, c], [b, c, a], [c, a, b]]).collect();
+        all.sort_unstable();
+        let vertices = all.last().map_or(0, |half| half[0] + 1);
+        let begins = (0..=vertices).map(|vertex| all.partition_point(|half| half[0] < vertex)).collect();
+        HalfEdges { all, begins }
+    }
+
+    /// Those from a vertex, by where they lead.
+    fn from(&self, vertex: u32) -> &[[u32; 3]] {
+        let vertex = vertex as usize;
+        if vertex + 1 < self.begins.len() {
+            &self.all[self.begins[vertex]..self.begins[vertex + 1]]
+        } else {
+            &[]
+        }
+    }
+
+    /// The third corner of the triangle at a half-edge.
+    fn third(&self, from: u32, to: u32) -> Option<u32> {
+        self.from(from).iter().find(|half| half[1] == to).map(|half| half[2])
+    }
+}
+
 /// Checks half-edges and vertex fans; returns the number of vertices used.
 pub fn check(triangles: &[[u32; 3]]) -> std::result::Result<usize, String> {
-    // Half-edge (from, to) → the third corner.
-    let mut halves = HashMap::new();
-    let mut degree: HashMap<u32, usize> = HashMap::new();
-    for &[a, b, c] in triangles {
-        if a == b || b == c || c == a {
-            return Err(format!("degenerate triangle {:?}", [a, b, c]));
-        }
-        for (from, to, third) in [(a, b, c), (b, c, a), (c, a, b)] {
-            if halves.insert((from, to), third).is_some() {
-                return Err(format!("half-edge {from} -> {to} twice"));
-            }
-            *degree.entry(from).or_default() += 1;
-        }
+    if let Some(flat) = triangles.iter().find(|[a, b, c]| a == b || b == c || c == a) {
+        return Err(format!("degenerate triangle {flat:?}"));
     }
-    for &(from, to) in halves.keys() {
-        if !halves.contains_key(&(to, from)) {
-            return Err(format!("half-edge {from} -> {to} has no partner"));
-        }
+    let halves = HalfEdges::of(triangles);
+    if let Some(pair) = halves.all.windows(2).find(|pair| pair[0][..2] == pair[1][..2]) {
+        let [from, to, _] = pair[0];
+        return Err(format!("half-edge {from} -> {to} twice"));
     }
-    let mut seen = std::collections::HashSet::new();
-    for &(centre, start) in halves.keys() {
-        if !seen.insert(centre) {
-            continue;
-        }
+    if let Some([from, to, _]) = halves.all.iter().find(|half| halves.third(half[1], half[0]).is_none()) {
+        return Err(format!("half-edge {from} -> {to} has no partner"));
+    }
+    let fans = halves.all.chunk_by(|p, q| p[0] == q[0]);
+    for fan in fans.clone() {
+        let [centre, start, _] = fan[0];
         let (mut at, mut steps) = (start, 0);
         loop {
             // The triangle centre → at → third is followed by the one that holds centre → third.
-            at = halves[&(centre, at)];
+            at = halves.third(centre, at).expect("it has a partner");
             steps += 1;
-            if at == start || steps > degree[&centre] {
+            if at == start || steps > fan.len() {
                 break;
             }
         }
-        if steps != degree[&centre] {
+        if steps != fan.len() {
             return Err(format!("vertex {centre} has more than one fan"));
         }
     }
-    Ok(degree.len())
+    Ok(fans.count())
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The nearest neighbours of points, equal distances in the order of the points' places, so that the answer
 //! depends on nothing but the points.
 
+use crate::error::Result;
 use crate::large_array::LargeArray;
 use bytemuck::Pod;
 use rayon::prelude::*;
@@ -105,17 +106,20 @@ const SAMPLED_POINTS: usize = 1 << 16;
 
 /// The median distance of points from their nearest neighbours; 0 of fewer than two. Of large clouds that of 65,536 points,
 /// evenly taken from the list.
-pub fn median_distance(points: &[[f64; 3]]) -> f64 {
+///
+/// # Errors
+/// If a temporary file for as many points cannot be made.
+pub fn median_distance(points: &LargeArray<[f64; 3]>) -> Result<f64> {
     if points.len() < 2 {
-        return 0.0;
+        return Ok(0.0);
     }
-    let tree = KdTree::new(LargeArray::from(points.to_vec()));
+    let tree = KdTree::new(LargeArray::of_each(points.len(), points.room(), |n| Some(points[n]))?);
     let step = points.len().div_ceil(SAMPLED_POINTS);
     let sampled: Vec<[f64; 3]> = points.iter().step_by(step).copied().collect();
     let squared = |p: &[f64; 3]| tree.around(*p, 2).last().map_or(0.0, |nearest| nearest.squared);
     let mut all: Vec<f64> = sampled.par_iter().map(squared).collect();
     let middle = all.len() / 2;
-    all.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
+    Ok(all.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt())
 }
 
 fn divide<P: Located>(points: &mut [P], axis: usize) {
