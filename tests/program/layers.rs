@@ -1,6 +1,7 @@
 //! `layers` and `overlap`: tables of layers and of pairs of beads.
 
 use crate::support::*;
+use brickfield_bench_data::{Mesh, shapes, write};
 use brickfield_core::sweep::part_or_all;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -70,6 +71,57 @@ fn layers_without_a_toolpath_need_a_pitch() {
     assert!(bad.contains("create the directory first"), "{bad}");
     let refused = run(&[&"overlap", &part, &"-q"]).failed();
     assert!(refused.contains("--identity") && refused.lines().count() == 1, "{refused}");
+}
+
+/// Slabs of a turned box, whose volumes are prisms between its faces: by the signed volumes of its triangles below a plane.
+#[test]
+fn volumes_of_slabs_are_within_their_errors() {
+    let dir = Scratch::new();
+    let (input, part, out) = (dir.path("box.stl"), dir.path("a.brf"), dir.path("l.json"));
+    let mesh = shapes::cuboid([-5.0, -4.0, -3.0], [5.0, 4.0, 3.0]).rotated([1.0, 2.0, 3.0], 0.6);
+    let mut bytes = Vec::new();
+    write::stl(&mut bytes, &mesh).unwrap();
+    std::fs::write(&input, bytes).unwrap();
+    run(&[&"build", &input, &"-o", &part, &"--depth", &"2", &"-q"]).ok();
+    for pitch in ["1mm", "0.33mm"] {
+        run(&[&"layers", &part, &"--pitch", &pitch, &"-o", &out, &"-q"]).ok();
+        for row in json(&out)["layers"].as_array().expect("rows") {
+            let below = |name: &str| volume_below(&mesh, number(row, name));
+            let (volume, error) = (number(row, "volume"), number(row, "volume_error"));
+            let truth = below("z_top") - below("z_bottom");
+            assert!((volume - truth).abs() <= error + 1e-3, "{truth}: {row}");
+            assert!(error < 0.02 * truth + 0.05, "{row}");
+        }
+    }
+}
+
+/// The volume of a convex body below a plane across z, from sections of it: ten thousand of them.
+fn volume_below(mesh: &Mesh, z: f64) -> f64 {
+    let low = mesh.facets().flatten().map(|corner| corner[2]).fold(f64::INFINITY, f64::min);
+    let high = mesh.facets().flatten().map(|corner| corner[2]).fold(f64::NEG_INFINITY, f64::max);
+    let steps = 2000;
+    let step = (z.clamp(low, high) - low) / f64::from(steps);
+    (0..steps).map(|n| section_area(mesh, low + (f64::from(n) + 0.5) * step) * step).sum()
+}
+
+/// The area in which a plane cuts a closed mesh, by the edges that its facets leave there.
+fn section_area(mesh: &Mesh, z: f64) -> f64 {
+    let mut area = 0.0;
+    for facet in mesh.facets() {
+        let mut ends = Vec::new();
+        for n in 0..3 {
+            let (p, q) = (facet[n], facet[(n + 1) % 3]);
+            if (p[2] < z) != (q[2] < z) {
+                let share = (z - p[2]) / (q[2] - p[2]);
+                ends.push(([p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])], p[2] < z));
+            }
+        }
+        if let [(a, a_rises), (b, _)] = ends[..] {
+            let (from, to) = if a_rises { (a, b) } else { (b, a) };
+            area += 0.5 * (from[0] * to[1] - from[1] * to[0]);
+        }
+    }
+    area.abs()
 }
 
 #[test]

@@ -37,6 +37,13 @@ fn cavities_are_listed_with_their_sizes_for_any_number_of_threads() {
     let first = &found["voids"][0];
     assert!((first["inner_diameter"].as_f64().unwrap() - 2.0).abs() < 0.1, "{first}");
     assert!((first["x"].as_f64().unwrap() - 13.3).abs() < 0.02, "{first}");
+    // What is left out changes nothing of the rest.
+    let some = dir.path("some.json");
+    run(&[&"voids", &part, &"-o", &some, &"-q", &"--min-volume", &"30"]).ok();
+    let some: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&some).unwrap()).unwrap();
+    assert_eq!((some["count"].as_u64(), some["left_out"].as_u64()), (Some(1), Some(1)), "{some}");
+    assert!(first["gap"].is_number() && some["voids"][0] == *first, "{some}");
+    assert_eq!((&some["void_volume"], &some["porosity"]), (&found["void_volume"], &found["porosity"]));
     for threads in ["1", "3"] {
         let again = dir.path("again.json");
         run(&[&"voids", &part, &"-o", &again, &"-q", &"--threads", &threads]).ok();

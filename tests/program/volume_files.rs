@@ -255,10 +255,52 @@ fn a_folder_replaces_an_older_one_and_never_a_file() {
     let out = export(&dir, &coarse, "w.zarr", &[]);
     assert!(out.join("1/zarr.json").exists() && !out.join("2").exists());
     assert!(!dir.path("w.zarr.part").exists());
+    // A slash behind the name, as shells complete it, is no part of it.
+    export(&dir, &coarse, "w.zarr/", &[]);
+    for (holder, mine) in [("others.zarr", "labels"), ("w.zarr", "notes.txt")] {
+        std::fs::create_dir_all(dir.path(holder).join(mine)).unwrap();
+        let before = dir.path(holder).join("0").exists();
+        let line = run(&[&"export", &fine, &"-o", &dir.path(holder)]).failed();
+        assert!(line.contains(&format!("it holds {mine}")), "{line}");
+        assert_eq!(
+            (dir.path(holder).join(mine).exists(), dir.path(holder).join("0").exists()),
+            (true, before)
+        );
+    }
     std::fs::write(dir.path("plain.zarr"), "mine").unwrap();
     let line = run(&[&"export", &coarse, &"-o", &dir.path("plain.zarr")]).failed();
     assert!(line.contains("plain.zarr"), "{line}");
     assert_eq!(std::fs::read(dir.path("plain.zarr")).unwrap(), b"mine");
+}
+
+/// What lies beside an array may be of another one that had its name.
+#[test]
+fn descriptions_of_other_arrays_are_noticed() {
+    let dir = Scratch::new();
+    let (one, other) = (dir.store("overlap_boxes", 1), dir.store("clover_beads", 1));
+    let refused = |name: &str, why: &str| {
+        for command in [&[&"info" as &dyn AsRef<std::ffi::OsStr>][..], &[&"build", &"-o", &dir.path("o.brf")]]
+        {
+            let line = run(&[command, &[&dir.path(name)]].concat()).failed();
+            assert!(line.contains(why), "{line}");
+        }
+    };
+    export(&dir, &one, "d.raw", &[]);
+    run(&[&"info", &dir.path("d.raw")]).ok();
+    export(&dir, &other, "d.mhd", &[]);
+    refused("d.raw", "tell different things");
+    refused("d.mhd", "tell different things");
+    std::fs::remove_file(dir.path("d.json")).unwrap();
+    run(&[&"info", &dir.path("d.mhd")]).ok();
+    export(&dir, &one, "g.npy", &[]);
+    export(&dir, &other, "g.raw", &[]);
+    refused("g.npy", "it is of g.raw");
+    export(&dir, &one, "f.npy", &["--dtype", "f4"]);
+    export(&dir, &one, "i.npy", &["--dtype", "i2"]);
+    std::fs::copy(dir.path("i.json"), dir.path("f.json")).unwrap();
+    refused("f.npy", "<f4");
+    let line = run(&[&"export", &one, &"-o", &dir.path(" lead.mhd")]).failed();
+    assert!(line.contains("no plain line of text"), "{line}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::units::{BoxArg, NodeArg, PointArg};
 use crate::work::{ProgressArg, WorkArgs};
 use brickfield_engine::cache::RecordOrder;
 use brickfield_engine::store::Compression;
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 /// Work on stores as files: list, inspect, cut down, compare, join
@@ -163,6 +163,7 @@ pub struct CompactArgs {
 
 /// Cut a store down: to a level, to a box, to an error
 #[derive(Args)]
+#[command(group = ArgGroup::new("less").required(true).multiple(true))]
 #[command(after_help = "\
 What is left is a store as any other; samples keep their values. A node becomes a leaf as soon as one of the options asks for \
 it. Its Hermite edges are those crossings of the finer ones that lie on its own lattice.
@@ -184,16 +185,22 @@ pub struct PruneArgs {
     #[command(flatten)]
     pub output: OutputArgs,
     /// Keep no node deeper than this
-    #[arg(long, value_name = "L", required_unless_present_any = ["region", "error"])]
+    #[arg(long, value_name = "L", group = "less")]
     pub level: Option<u8>,
     /// Keep what meets this box as it is, and the rest coarse: least x, y, z, then greatest, in the store's unit
-    #[arg(long = "box", id = "region", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
+    #[arg(
+        long = "box",
+        id = "region",
+        value_name = "X0,Y0,Z0,X1,Y1,Z1",
+        allow_hyphen_values = true,
+        group = "less"
+    )]
     pub region: Option<BoxArg>,
     /// Keep nodes outside of the box down to this level; 0 leaves the coarsest octree around the box
     #[arg(long, value_name = "L", default_value_t = 0, requires = "region")]
     pub outside_level: u8,
     /// Leave out nodes whose samples a coarser one gives by interpolation, up to this difference of w
-    #[arg(long, value_name = "E")]
+    #[arg(long, value_name = "E", group = "less")]
     pub error: Option<f64>,
 }
 

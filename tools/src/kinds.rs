@@ -224,6 +224,10 @@ pub fn require_store_name(path: &Path, has_mesh_option: bool) -> Result<(), Fail
 
 /// The error of a file that no command takes.
 pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
+    if is_splats(path) {
+        let remedy = format!("`brickfield render {} --splats -o view.png` draws it", typed(path));
+        return anyhow!("{}: is a file of splats; {remedy}", path.display());
+    }
     let (name, remedy) = match kind {
         FileKind::Input(InputKind::Empty) => {
             ("is empty".to_owned(), "export or copy the file again".to_owned())

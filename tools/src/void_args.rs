@@ -25,7 +25,7 @@ limit connects.
 Where cells decide they are halved and asked again. What opens through them is no more sealed (no), and its throat is empty.
 
 Else it is sealed as far as samples tell (to_cell): a leak thinner than a cell may be hidden. With --closing, voids are \
-listed that open (no) through a throat: the diameter of the largest ball that can leave, to a cell.
+listed that open (no) through a throat: the diameter of the largest ball that can leave, mostly one or two cells too narrow.
 
 The class of a void is pocket, infill or flaw. With --cad a void of which most lies outside the CAD part is a pocket. \
 Of others the features of the beads around tell.

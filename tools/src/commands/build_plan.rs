@@ -3,11 +3,13 @@
 use super::build::{BuildRequest, choose_solids, settle_unit};
 use super::{features_of, open_inputs, start};
 use crate::args::{BuildArgs, RefineArg};
+use crate::clouds::TypedInputs;
 use crate::failure::Failure;
 use crate::kinds::require_inputs;
 use crate::memory;
 use crate::output::{in_line, print, print_json};
 use crate::units::{Size, Unit};
+use anyhow::anyhow;
 use brickfield_engine::build::{PlanSummary, is_plan, plan};
 use brickfield_engine::ingest::Input;
 use serde_json::json;
@@ -61,6 +63,11 @@ pub(super) fn run(mut request: BuildRequest) -> Result<(), Failure> {
         return Err(Failure::Usage(what));
     }
     require_inputs(&request.inputs, "info PART.brf")?;
+    if let Some(cloud) = TypedInputs::of(&request.inputs, false)?.clouds.first() {
+        let what =
+            "it is a point cloud, and plans are for closed meshes; build it with --shard and without a plan";
+        return Err(anyhow!("{}: {what}", in_line(cloud)).into());
+    }
     let bars = start(request.work)?;
     let inputs = open_inputs(&request.inputs, &[&request.output], &request.open, &bars)?;
     request.toolpath.require_features(features_of(&inputs))?;

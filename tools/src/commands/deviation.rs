@@ -1,27 +1,29 @@
 //! `brickfield deviation`: a part against what it should be.
 
-use super::deviation_tables::BeadTableFiles;
+use super::deviation_tables::{BeadTableFiles, CreatedTables, FilledTable};
 use super::mesh_place::{MeshPlace, ends_in};
-use super::reference::{Compared, open_reference, point_text, require_alike, sizes};
+use super::reference::{Compared, OpenReference, open_reference, point_text, require_alike, sizes};
 use super::thickness::{layers_of, place_of, require_numbers};
 use super::{no_unit, of_store, open_store, require_whole_samples, start, unit_of};
 use crate::distance_args::{AlignArg, DeviationArgs};
 use crate::failure::Failure;
 use crate::output::{in_line, note, print, print_json, require_distinct, warn};
+use crate::progress::Bars;
 use crate::table::{Table, TableKind, to_place};
 use crate::units::Unit;
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, contour};
 use brickfield_engine::distance::deviation::{
-    ABSOLUTE_PERCENTILES, Motion, PERCENTILES, Spread, at_points, of_surface, regions_beyond,
+    ABSOLUTE_PERCENTILES, Motion, PERCENTILES, Reference, Spread, at_points, of_surface, regions_beyond,
 };
 use brickfield_engine::distance::{
-    ALIGNED_POINTS, Align, PreviousPlace, Region, ScalarMesh, ScalarPoints, Sides, Surface, align,
-    deviation_by_bead,
+    ALIGNED_POINTS, Align, PointNumbers, PreviousPlace, Region, ScalarMesh, ScalarPoints, Sides, Surface,
+    align, deviation_by_bead,
 };
 use brickfield_engine::part::{PartFile, directory_of};
 use brickfield_engine::store::{AcceptedStores, BrickTree, MovedTree, Store};
 use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Points of the reference that are compared with the part, at most, of each kind.
@@ -53,134 +55,190 @@ struct Comparison {
     motion: Motion,
     /// The root of the mean square that aligning left.
     residual: f64,
+    /// The deviation that is allowed, and how many vertices are beyond it.
+    beyond: Option<(f64, usize)>,
 }
 
 /// Runs the command.
 pub fn run(args: &DeviationArgs) -> Result<(), Failure> {
-    require_numbers(&args.output)?;
-    args.reference_points.as_deref().map(require_ply).transpose()?;
-    let kind = args.regions.as_deref().map(TableKind::of).transpose()?;
-    let by_bead = BeadTableFiles::new(args)?;
+    let wanted = WantedFiles::new(args)?;
     let bars = start(args.work)?;
-    let store = open_store(&args.store, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
-    let mut outputs: Vec<&Path> = vec![&args.output];
-    let tables = args.regions.iter().chain(&args.layers).chain(&args.features);
-    outputs.extend(tables.chain(&args.reference_points).map(PathBuf::as_path));
-    require_distinct(&outputs, &[&args.store, &args.reference])?;
-    require_whole_samples(&store, "its deviation cannot be told")?;
-    let unit = store.meta().unit.clone();
-    let within = args.within.map(|length| length.in_unit_of(&unit).ok_or_else(no_unit)).transpose()?;
-    let bead_tables = by_bead.tables_of(&store)?;
-    let table_file = args.regions.as_deref().map(PartFile::create).transpose()?;
-    let by_bead = by_bead.create()?;
-    let points_file = args.reference_points.as_deref().map(PartFile::create).transpose()?;
-    let folder = args.temp_dir.as_deref().unwrap_or(directory_of(&args.output));
-    let waiting = (args.memory.0 / 8, folder);
-    let metres = Unit::of_symbol(&unit).map(Unit::metres);
+    let store = open_part(args)?;
+    let unit = &store.meta().unit;
+    let within = args.within.map(|length| length.in_unit_of(unit).ok_or_else(no_unit)).transpose()?;
+    let bead_tables = wanted.by_bead.tables_of(&store)?;
     let place = place_of(&store, &args.output, args.origin)?;
-    let from = (place.base().unwrap_or_default(), place.coordinates());
-    let mut ply = ScalarMesh::new(PartFile::create(&args.output)?, "deviation", metres, from, waiting)?;
+    let OutputFiles { mut mesh, regions, by_bead, points } = wanted.create(args, &store, &place)?;
     let compared = Compared {
         reference: &args.reference,
         output: &args.output,
-        folder,
+        folder: folder(args),
         memory: args.memory.0,
         io: args.io,
         align: args.align,
     };
     let opened = open_reference(&compared, &store, &bars)?;
     let sides_of_reference = opened.sides()?;
-    let surface = Surface::new(&store, args.memory.0 / 4, folder, &bars)
-        .map_err(|error| of_store(&store, "surface", error))?;
-    let sides = Sides::new(&store)?;
-    let cell = surface.cell();
-    let Some(bounds) = surface.bounds() else {
-        return Err(
-            anyhow!("{}: the store has no surface; build it with finer cells", in_line(&args.store)).into()
-        );
-    };
-    let beside = (&surface, &sides);
-    let reference = opened.reference(sides_of_reference.as_ref(), beside, Motion::NONE);
-    require_alike(&compared, bounds, reference)?;
-    let contouring =
-        ContourOptions { cache_bytes: (args.memory.0 / 4) as usize, ..ContourOptions::default() };
-    let moved = MovedTree::new(&store, place.base().unwrap_or_default());
-    contour(&moved, &contouring, &mut ply, &bars)?;
-    let counts = ply.counts();
-    let how = Align::from(args.align);
-    let (motion, residual) = align(&ply.some_positions(ALIGNED_POINTS), bounds, reference, how)?;
-    let reference = opened.reference(sides_of_reference.as_ref(), beside, motion);
-    let values = ply.fill(&bars, |last: &mut PreviousPlace, world| {
+    let part = Part::new(args, &store, &bars)?;
+    let reference_at =
+        |motion| opened.reference(sides_of_reference.as_ref(), (&part.surface, &part.sides), motion);
+    require_alike(&compared, part.bounds, reference_at(Motion::NONE))?;
+    part.contour_into(&mut mesh, &place, &bars)?;
+    let (how, counts) = (Align::from(args.align), mesh.counts());
+    let positions = mesh.some_positions(ALIGNED_POINTS);
+    let (motion, residual) = align(&positions, part.bounds, reference_at(Motion::NONE), how)?;
+    let reference = reference_at(motion);
+    let values = mesh.fill(&bars, |last: &mut PreviousPlace, world| {
         Ok(reference.opposite_next(motion.apply(world), last)?.signed as f32)
     })?;
-    let some: Vec<[f64; 3]>;
-    let points = match opened.points().filter(|_| points_file.is_some()) {
-        Some(all) => all,
-        None => {
-            some = reference.samples(POINTS_BACK);
-            &some
-        }
-    };
-    let mut written =
-        points_file.map(|file| ScalarPoints::new(file, "deviation", points.len())).transpose()?;
-    let from_part =
-        |last: &mut PreviousPlace, point| Ok(of_surface(&surface, &sides, motion.undo(point), last)?.signed);
-    let back = at_points(points, waiting, &bars, from_part, |points, numbers| {
-        written.as_mut().map_or(Ok(()), |file| file.append(points, numbers))
-    })?;
-    let regions = match (within, kind) {
-        (Some(within), Some(_)) => Some(regions_beyond(&surface, reference, (motion, within), &bars)?),
-        _ => None,
-    };
-    let found = bead_tables
-        .as_ref()
-        .map(|tables| deviation_by_bead((&store, tables), &surface, (reference, motion), &bars))
-        .transpose()?;
+    let (back, points) = part.back(&opened, (reference, motion), points, &bars)?;
+    let regions = regions.zip(within).map(|(file, within)| {
+        Ok::<_, Failure>((file, regions_beyond(&part.surface, reference, (motion, within), &bars)?))
+    });
+    let regions = regions.transpose()?;
+    let by_bead = bead_tables.map(|tables| {
+        let found = deviation_by_bead((&store, &tables), &part.surface, (reference, motion), &bars)?;
+        Ok::<_, Failure>(by_bead.filled((&found, &tables), part.surface.cell()))
+    });
+    let by_bead = by_bead.transpose()?;
     let [there, back] = [Spread::of(&values), Spread::of(&back)];
-    let comparison = Comparison { there, back, counts, how, motion, residual };
-    if there.points == 0 {
-        let what = "no vertex of the part lies where points were measured; are both in one place? --align icp moves it";
-        warn(&format!("{}: {what}", in_line(&args.reference)));
-    }
-    let table = regions.as_ref().map(|regions| table(&store, regions, cell)).transpose()?;
+    let beyond = within.map(|within| (within, values.iter().filter(|value| value.abs() > within).count()));
+    let comparison = Comparison { there, back, counts, how, motion, residual, beyond };
+    comparison.tell_if_apart(args);
     let mut document = comparison.document(args, &store, opened.kind(), &place);
-    if let Some(within) = within {
-        let beyond = values.iter().filter(|value| value.abs() > within).count();
-        document["within"] = json!(within);
-        document["vertices_beyond"] = json!(beyond);
+    let mut summary = comparison.summary(args, &store, regions.as_ref().map(|(_, found)| found));
+    let mut tables: Vec<FilledTable> = Vec::new();
+    if let Some(((file, kind), found)) = regions {
+        tables.push(("regions", table(&store, &found, part.surface.cell())?, file, kind));
     }
-    if let Some(table) = &table {
-        document["regions"] = table.objects();
-    }
-    let by_bead = found.zip(bead_tables).map(|(found, tables)| by_bead.filled((&found, &tables), cell));
-    by_bead.iter().flatten().for_each(|(name, table, ..)| document[name] = table.objects());
+    tables.extend(by_bead.into_iter().flatten());
+    tables.iter().for_each(|(name, table, ..)| document[name] = table.objects());
     bars.clear();
-    ply.complete()?;
-    written.as_mut().map(ScalarPoints::complete).transpose()?;
+    mesh.complete()?;
+    points.map(|mut points| points.complete()).transpose()?;
     place.tell(&store, &args.output)?;
-    if let (Some(mut file), Some(kind), Some(table)) = (table_file, kind, &table) {
-        table.append_to(&mut file, kind, &document)?;
-        file.finish()?;
-    }
-    for (_, table, mut file, kind) in by_bead.into_iter().flatten() {
+    for (_, table, mut file, kind) in tables {
         table.append_to(&mut file, kind, &document)?;
         file.finish()?;
     }
     if args.json {
         print_json(&document)?;
     } else if !args.work.quiet {
-        let mut text = comparison.summary(args, &store, regions.as_ref());
-        text.extend(place.line(unit_of(store.meta())).map(|line| format!("\norigin {line}")));
-        print(&text)?;
+        summary.extend(place.line(unit_of(store.meta())).map(|line| format!("\norigin {line}")));
+        print(&summary)?;
     }
-    tell_shift(args, bounds, reference.bounds(), unit_of(store.meta()));
-    let largest = there.largest().max(back.largest());
-    if let Some(within) = within.filter(|within| largest > *within) {
-        let name = in_line(&args.store);
-        let largest = to_place(largest, cell / 1000.0);
-        return Err(anyhow!("{name}: the largest deviation {largest} is above --within {within}").into());
+    tell_shift(args, part.bounds, reference.bounds(), unit_of(store.meta()));
+    comparison.require_within(args, part.surface.cell())
+}
+
+/// The files to write, by the names that were typed.
+struct WantedFiles<'a> {
+    regions: Option<(&'a Path, TableKind)>,
+    by_bead: BeadTableFiles<'a>,
+    points: Option<&'a Path>,
+}
+
+/// These files, made before work begins.
+struct OutputFiles {
+    mesh: ScalarMesh,
+    regions: Option<(PartFile, TableKind)>,
+    by_bead: CreatedTables,
+    points: Option<PartFile>,
+}
+
+impl<'a> WantedFiles<'a> {
+    /// Those of the command line, if all can be written by their names.
+    fn new(args: &'a DeviationArgs) -> Result<WantedFiles<'a>, Failure> {
+        require_numbers(&args.output)?;
+        let points = args.reference_points.as_deref();
+        points.map(require_ply).transpose()?;
+        let regions = args.regions.as_deref().map(|path| Ok::<_, Failure>((path, TableKind::of(path)?)));
+        Ok(WantedFiles { regions: regions.transpose()?, by_bead: BeadTableFiles::new(args)?, points })
     }
-    Ok(())
+
+    fn create(self, args: &DeviationArgs, store: &Store, place: &MeshPlace) -> Result<OutputFiles, Failure> {
+        let regions = self.regions.map(|(path, kind)| Ok::<_, Failure>((PartFile::create(path)?, kind)));
+        let by_bead = self.by_bead.create()?;
+        let points = self.points.map(PartFile::create).transpose()?;
+        let metres = Unit::of_symbol(&store.meta().unit).map(Unit::metres);
+        let from = (place.base().unwrap_or_default(), place.coordinates());
+        let file = PartFile::create(&args.output)?;
+        let mesh = ScalarMesh::new(file, "deviation", metres, from, waiting(args))?;
+        Ok(OutputFiles { mesh, regions: regions.transpose()?, by_bead, points })
+    }
+}
+
+/// Where temporary files lie.
+fn folder(args: &DeviationArgs) -> &Path {
+    args.temp_dir.as_deref().unwrap_or(directory_of(&args.output))
+}
+
+/// The memory for what waits for its numbers, and where it lies beyond that.
+fn waiting(args: &DeviationArgs) -> (u64, &Path) {
+    (args.memory.0 / 8, folder(args))
+}
+
+/// The store of the part, whose deviation can be told, if nothing is written over what is read.
+fn open_part(args: &DeviationArgs) -> Result<Store, Failure> {
+    let store = open_store(&args.store, args.memory.0 / 8, args.io, AcceptedStores::Whole)?;
+    let others = [&args.regions, &args.layers, &args.features, &args.reference_points];
+    let others = others.into_iter().flatten().map(PathBuf::as_path);
+    let outputs: Vec<&Path> = std::iter::once(args.output.as_path()).chain(others).collect();
+    require_distinct(&outputs, &[&args.store, &args.reference])?;
+    require_whole_samples(&store, "its deviation cannot be told")?;
+    Ok(store)
+}
+
+/// The part that is compared.
+struct Part<'a> {
+    args: &'a DeviationArgs,
+    store: &'a Store,
+    surface: Surface,
+    sides: Sides<'a>,
+    bounds: [[f64; 3]; 2],
+}
+
+impl<'a> Part<'a> {
+    fn new(args: &'a DeviationArgs, store: &'a Store, bars: &Bars) -> Result<Part<'a>, Failure> {
+        let surface = Surface::new(store, args.memory.0 / 4, folder(args), bars)
+            .map_err(|error| of_store(store, "surface", error))?;
+        let Some(bounds) = surface.bounds() else {
+            let what = "the store has no surface; build it with finer cells";
+            return Err(anyhow!("{}: {what}", in_line(&args.store)).into());
+        };
+        Ok(Part { args, store, surface, sides: Sides::new(store)?, bounds })
+    }
+
+    /// Writes its triangles.
+    fn contour_into(&self, mesh: &mut ScalarMesh, place: &MeshPlace, bars: &Bars) -> Result<(), Failure> {
+        let cache_bytes = (self.args.memory.0 / 4) as usize;
+        let moved = MovedTree::new(self.store, place.base().unwrap_or_default());
+        contour(&moved, &ContourOptions { cache_bytes, ..ContourOptions::default() }, mesh, bars)?;
+        Ok(())
+    }
+
+    /// How far points of the reference are from it, and their file, if one was asked for: of a cloud all points then.
+    fn back(
+        &self,
+        opened: &OpenReference,
+        (reference, motion): (Reference<'_>, Motion),
+        file: Option<PartFile>,
+        bars: &Bars,
+    ) -> Result<(PointNumbers, Option<ScalarPoints>), Failure> {
+        let points = match opened.points().filter(|_| file.is_some()) {
+            Some(all) => Cow::Borrowed(all),
+            None => Cow::Owned(reference.samples(POINTS_BACK)),
+        };
+        let file = file.map(|file| ScalarPoints::new(file, "deviation", points.len()));
+        let mut file = file.transpose()?;
+        let number = |last: &mut PreviousPlace, point| {
+            Ok(of_surface(&self.surface, &self.sides, motion.undo(point), last)?.signed)
+        };
+        let numbers = at_points(&points, waiting(self.args), bars, number, |points, numbers| {
+            file.as_mut().map_or(Ok(()), |file| file.append(points, numbers))
+        })?;
+        Ok((numbers, file))
+    }
 }
 
 /// Refuses a name of points with numbers that does not end in .ply.
@@ -262,7 +320,7 @@ impl Comparison {
             Align::Shift => "shift",
             Align::Rigid => "icp",
         };
-        json!({
+        let mut document = json!({
             "unit": store.meta().unit,
             "cell": cell,
             "reference": args.reference.display().to_string(),
@@ -281,7 +339,32 @@ impl Comparison {
             },
             "part_to_reference": spread(&self.there, cell),
             "reference_to_part": spread(&self.back, cell),
-        })
+        });
+        if let Some((within, vertices)) = self.beyond {
+            document["within"] = json!(within);
+            document["vertices_beyond"] = json!(vertices);
+        }
+        document
+    }
+
+    /// Tells if nothing of the part was measured.
+    fn tell_if_apart(&self, args: &DeviationArgs) {
+        if self.there.points == 0 {
+            let what = "no vertex of the part lies where points were measured; are both in one place? --align icp moves it";
+            warn(&format!("{}: {what}", in_line(&args.reference)));
+        }
+    }
+
+    /// Fails if a deviation is above what is allowed.
+    fn require_within(&self, args: &DeviationArgs, cell: f64) -> Result<(), Failure> {
+        let largest = self.there.largest().max(self.back.largest());
+        match self.beyond.filter(|(within, _)| largest > *within) {
+            Some((within, _)) => {
+                let (name, largest) = (in_line(&args.store), to_place(largest, cell / 1000.0));
+                Err(anyhow!("{name}: the largest deviation {largest} is above --within {within}").into())
+            }
+            None => Ok(()),
+        }
     }
 
     /// What is found, for people.

@@ -97,6 +97,8 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
     let (levels, element) = (plan.levels(&store)?, plan.element(&store));
     let outputs = [&args.output].into_iter().chain(&plan.beside).map(PathBuf::as_path).collect::<Vec<_>>();
     require_distinct(&outputs, &[&args.store])?;
+    tell_left_behind(&args.output, args.work.quiet);
+    plan.format.require_writable(&args.output)?;
     let quantity = match args.quantity {
         QuantityArg::W => Quantity::Winding,
         QuantityArg::Sdf => Quantity::Distance,
@@ -115,7 +117,6 @@ pub fn run(args: &ExportArgs) -> Result<(), Failure> {
         unit: Some(store.meta().unit.as_str()).filter(|unit| *unit != "unit"),
         description: &text,
     };
-    tell_left_behind(&args.output, args.work.quiet);
     let bytes = plan.format.bytes_about(&volume).try_into().unwrap_or(u64::MAX);
     require_space(&args.output, bytes, "choose a lower --level")?;
     let written = plan.format.write(&volume, &args.output, &bars);

@@ -25,6 +25,9 @@ const SECTION_BYTES: u64 = 1 << 30;
 /// Most rows.
 const STEPS_MAX: f64 = 100_000.0;
 
+/// Samples in an outline are off by this many for each root of the number of its crossings, by chance.
+const CHANCE: f64 = 0.5;
+
 /// Names of the columns, in order.
 const COLUMNS: [&str; 18] = [
     "layer",
@@ -53,6 +56,14 @@ struct Row {
     section: Contour,
     source: Option<LayerVolumes>,
     fed: Option<f64>,
+}
+
+impl Row {
+    /// What the solid's volume may be off by: twice what lines along x or y tell otherwise, and what all may miss alike by chance.
+    fn error(&self) -> f64 {
+        let [x, y] = self.slab.apart;
+        2.0 * x.abs().max(y.abs()) + CHANCE * self.slab.by_chance
+    }
 }
 
 /// Runs the command.
@@ -233,14 +244,14 @@ fn part(value: f64, whole: Total) -> Total {
 
 fn table(rows: &[Row], totals: &Totals, heights: &[f64], cell: f64) -> Table<'static> {
     let row = |(n, row): (usize, &Row)| {
-        let Slab { solid, void, overlap } = row.slab;
+        let Slab { solid, void, overlap, .. } = row.slab;
         let source = row.source.map(|source| {
             let total = |estimate: Estimate| Total { value: estimate.value, error: estimate.bound() };
             [total(source.union), total(source.overlap)]
         });
         let solid = match source {
             Some([union, _]) => Total { value: solid, error: 0.0 }.not_nearer_than(union),
-            None => part(solid, totals.solid),
+            None => Total { value: solid, error: row.error() },
         };
         let void = part(void, totals.void);
         let porosity = void.share_beside(solid);

@@ -8,10 +8,12 @@ use crate::finding_args::{Finding, ShownArg};
 use crate::memory;
 use crate::output::{in_line, print, print_json, require_distinct, warn};
 use crate::picture_args::{ColourArg, FocusArg, RenderArgs, StyleArg};
+use crate::progress::Bars;
 use crate::style_file::{self, StyleFile};
+use brickfield_engine::backend::Vulkan;
 use brickfield_engine::lattice::Axis;
 use brickfield_engine::render::{
-    Caster, CasterReport, CutPlane, RenderOptions, Scene, Style, View, write_frame, write_turn,
+    Caster, CasterReport, CutPlane, Frame, RenderOptions, Scene, Style, View, write_frame, write_turn,
 };
 use brickfield_engine::store::{AcceptedStores, Store};
 use serde_json::json;
@@ -73,31 +75,13 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         io: args.io,
         quiet: args.work.quiet,
     };
-    require_own_options(&wanted)?;
-    if args.no_legend && wanted.shown.is_none() {
-        let what = "--no-legend belongs to --style voids, thickness, deviation and changes";
-        return Err(Failure::Usage(what.to_owned()));
-    }
-    let kind = if args.splats { Kind::Picture } else { Kind::of(args)? };
-    if args.numbers && (wanted.shown != Some(Finding::Voids) || kind == Kind::Animation) {
-        let what = "--numbers belongs to --style voids and to pictures that do not move";
-        return Err(Failure::Usage(what.to_owned()));
-    }
+    let kind = checked(args, &wanted)?;
     if args.splats {
         return super::render_splats::run(args);
     }
-    let mut started = Instant::now();
+    let started = Instant::now();
     let bars = start(args.work)?;
-    let device = match args.style {
-        // Colours of their own are the processor's.
-        ShownArg::Finding(_) if args.draws.backend == BackendArg::Vulkan => {
-            let what =
-                "the processor draws voids, thickness, deviations and changes; leave --backend vulkan out";
-            return Err(Failure::Usage(what.to_owned()));
-        }
-        ShownArg::Finding(_) => None,
-        ShownArg::Style(_) => choose(&args.draws.backend(), Some(args.memory), None)?.device(),
-    };
+    let device = device(args)?;
     let store = open_store(&args.store, BRICK_CACHE_BYTES, args.io, AcceptedStores::Whole)?;
     let is_animated = kind == Kind::Animation;
     let caches = memory::render_caches(args.memory, device.as_ref(), &store, args.size.0, is_animated);
@@ -110,62 +94,120 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let found = search(&wanted, &store, &bars)?;
     let (label_bytes, brick_bytes) = shares(found.as_ref(), args.memory.0, caches - BRICK_CACHE_BYTES);
     let options = options(args, &store, found.as_ref().map(Findings::style), brick_bytes)?;
-    let refused = |error| of_store(&store, "picture", error);
     let sides = found.as_ref().map(|found| found.sides(&store)).transpose()?.flatten();
     let colours =
         found.as_ref().map(|found| found.colours(&store, sides.as_ref(), label_bytes)).transpose()?;
-    let mut scene = Scene::new(&store, &options).map_err(refused)?;
+    let mut scene = Scene::new(&store, &options).map_err(|error| of_store(&store, "picture", error))?;
     if let (Some(colours), Some(found)) = (&colours, &found) {
         scene = scene.tinted(colours.tint());
         if !args.no_legend {
             scene = scene.with_legend(found.legend(&store, options.size[0] as usize));
         }
     }
-    let mut caster = device.as_ref().map(|device| Caster::new(&scene, device.gpu()));
-    let mut made = 0;
-    let mut say = |path: &Path, frames: Option<u32>, caster: Option<&Caster<'_>>| {
-        bars.clear();
-        let bricks = scene.summary().made + caster.map_or(0, |caster| caster.summary().made) - made;
-        made += bricks;
-        let seconds = started.elapsed().as_secs_f64();
-        started = Instant::now();
-        let drawn = RenderReport { path, size: scene.file_size(), frames, bricks, seconds };
-        drawn.say(args, caster.map(Caster::report))
-    };
-    let numbered = |frame| match colours.as_ref().zip(found.as_ref()) {
-        Some((colours, found)) if args.numbers => colours.numbered(frame, found, &store).map_err(refused),
+    let caster = device.as_ref().map(|device| Caster::new(&scene, device.gpu()));
+    let mut drawing = Drawing { args, store: &store, scene: &scene, caster, bars: &bars, started, told: 0 };
+    drawing.write(kind, |frame| match colours.as_ref().zip(found.as_ref()) {
+        Some((colours, found)) if args.numbers => colours.numbered(frame, found, &store),
         _ => Ok(frame),
-    };
-    match kind {
-        Kind::Picture => {
-            for frame in scene.frames() {
-                let frame = numbered(frame)?;
-                if let Some(preview) = &args.preview {
-                    write_frame(&frame.coarse(), caster.as_mut(), preview, &bars).map_err(refused)?;
-                    say(preview, None, caster.as_ref())?;
-                }
-                write_frame(&frame, caster.as_mut(), &args.output, &bars).map_err(refused)?;
-                say(&args.output, None, caster.as_ref())?;
-            }
-        }
-        Kind::Animation => {
-            write_turn(&scene, caster.as_mut(), &args.output, TURN_SECONDS, &bars).map_err(refused)?;
-            say(&args.output, args.turntable, caster.as_ref())?;
-        }
-        Kind::Folder => {
-            make_folder(&args.output)?;
-            for (number, frame) in scene.frames().enumerate() {
-                let frame = numbered(frame)?;
-                let path = args.output.join(format!("{:04}.png", number + 1));
-                write_frame(&frame, caster.as_mut(), &path, &bars).map_err(refused)?;
-                say(&path, None, caster.as_ref())?;
-            }
-        }
-    }
-    if let Some(CasterReport { name, failure: Some(failure), .. }) = caster.as_ref().map(Caster::report) {
+    })?;
+    let report = drawing.caster.as_ref().map(Caster::report);
+    if let Some(CasterReport { name, failure: Some(failure), .. }) = report {
         warn(&format!("{name}: {failure}; the processor drew in its place"));
     }
     Ok(())
+}
+
+/// What is written, if the options fit each other.
+fn checked(args: &RenderArgs, wanted: &Search<'_>) -> Result<Kind, Failure> {
+    require_own_options(wanted)?;
+    if args.no_legend && wanted.shown.is_none() {
+        let what = "--no-legend belongs to --style voids, thickness, deviation and changes";
+        return Err(Failure::Usage(what.to_owned()));
+    }
+    let kind = if args.splats { Kind::Picture } else { Kind::of(args)? };
+    if args.numbers && (wanted.shown != Some(Finding::Voids) || kind == Kind::Animation) {
+        let what = "--numbers belongs to --style voids and to pictures that do not move";
+        return Err(Failure::Usage(what.to_owned()));
+    }
+    Ok(kind)
+}
+
+/// The device that draws, if one does: colours of their own are the processor's.
+fn device(args: &RenderArgs) -> Result<Option<Vulkan>, Failure> {
+    match args.style {
+        ShownArg::Finding(_) if args.draws.backend == BackendArg::Vulkan => {
+            let what =
+                "the processor draws voids, thickness, deviations and changes; leave --backend vulkan out";
+            Err(Failure::Usage(what.to_owned()))
+        }
+        ShownArg::Finding(_) => Ok(None),
+        ShownArg::Style(_) => Ok(choose(&args.draws.backend(), Some(args.memory), None)?.device()),
+    }
+}
+
+/// Pictures of a scene as they are written.
+struct Drawing<'s> {
+    args: &'s RenderArgs,
+    store: &'s Store,
+    scene: &'s Scene<'s>,
+    caster: Option<Caster<'s>>,
+    bars: &'s Bars,
+    /// When the last picture was told of, or the command began.
+    started: Instant,
+    /// Bricks that were made until then.
+    told: u64,
+}
+
+impl<'s> Drawing<'s> {
+    /// Writes all pictures, with the numbers that they are to have.
+    fn write(
+        &mut self,
+        kind: Kind,
+        numbered: impl Fn(Frame<'s>) -> brickfield_engine::Result<Frame<'s>>,
+    ) -> Result<(), Failure> {
+        let (args, store) = (self.args, self.store);
+        let refused = |error| of_store(store, "picture", error);
+        match kind {
+            Kind::Picture => {
+                for frame in self.scene.frames() {
+                    let frame = numbered(frame).map_err(refused)?;
+                    if let Some(preview) = &args.preview {
+                        self.frame(&frame.coarse(), preview)?;
+                    }
+                    self.frame(&frame, &args.output)?;
+                }
+            }
+            Kind::Animation => {
+                let (scene, caster) = (self.scene, self.caster.as_mut());
+                write_turn(scene, caster, &args.output, TURN_SECONDS, self.bars).map_err(refused)?;
+                self.say(&args.output, args.turntable)?;
+            }
+            Kind::Folder => {
+                make_folder(&args.output)?;
+                for (number, frame) in self.scene.frames().enumerate() {
+                    let frame = numbered(frame).map_err(refused)?;
+                    self.frame(&frame, &args.output.join(format!("{:04}.png", number + 1)))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn frame(&mut self, frame: &Frame<'_>, path: &Path) -> Result<(), Failure> {
+        write_frame(frame, self.caster.as_mut(), path, self.bars)
+            .map_err(|error| of_store(self.store, "picture", error))?;
+        self.say(path, None)
+    }
+
+    /// Tells of what was written since the last time.
+    fn say(&mut self, path: &Path, frames: Option<u32>) -> Result<(), Failure> {
+        self.bars.clear();
+        let made = self.scene.summary().made + self.caster.as_ref().map_or(0, |caster| caster.summary().made);
+        let bricks = made - std::mem::replace(&mut self.told, made);
+        let seconds = std::mem::replace(&mut self.started, Instant::now()).elapsed().as_secs_f64();
+        let drawn = RenderReport { path, size: self.scene.file_size(), frames, bricks, seconds };
+        drawn.say(self.args, self.caster.as_ref().map(Caster::report))
+    }
 }
 
 /// What was written: how many bricks were read for it, and how long it took.

@@ -190,7 +190,7 @@ fn all_levels(
 
 /// What was written, all levels of it.
 fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: PageBytes) -> SplatsReport {
-    let bits = summary.bytes as f64 * 8.0 / (summary.splats.max(1)) as f64;
+    let bits = summary.bytes as f64 * 8.0 / summary.splats as f64;
     let BspSummary { splats, finest, error, .. } = *summary;
     // What is stated is never less than it is.
     let shown = (error * 1000.0).ceil() / 1000.0;
@@ -199,8 +199,9 @@ fn said(args: &SplatsArgs, store: &Store, summary: &BspSummary, bytes: PageBytes
         0 => String::new(),
         beads => format!("; {} of beads for picks", Size(beads)),
     };
+    let each = if splats > 0 { format!(", {bits:.2} bits each") } else { String::new() };
     let text = format!(
-        "{name}: {splats} splats in {}, {bits:.2} bits each; {finest} in the finest picture, at most {shown:.3} {unit} from \
+        "{name}: {splats} splats in {}{each}; {finest} in the finest picture, at most {shown:.3} {unit} from \
          the crossings that they stand for{beads}",
         Size(bytes.all)
     );

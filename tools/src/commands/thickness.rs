@@ -46,6 +46,7 @@ pub fn run(args: &ThicknessArgs) -> Result<(), Failure> {
     outputs.extend(plan.iter().flat_map(VolumePlan::outputs));
     require_distinct(&outputs, &[&args.store])?;
     require_whole_samples(&store, "thickness cannot be told")?;
+    plan.as_ref().map(VolumePlan::require_writable).transpose()?;
     let below =
         args.below.map(|length| length.in_unit_of(&store.meta().unit).ok_or_else(no_unit)).transpose()?;
     let folder = match (&args.surface.temp_dir, outputs.first()) {
@@ -306,7 +307,7 @@ fn summary(
         )
     };
     if let Some((below, regions)) = regions {
-        let area: f64 = regions.iter().map(|region| region.area).sum();
+        let area = regions.iter().fold(0.0, |sum, region| sum + region.area);
         text += &format!(
             "\n{} regions below {below} {unit}, {} {unit}² of surface",
             regions.len(),

@@ -53,6 +53,12 @@ impl VolumePlan<'_> {
         std::iter::once(self.output).chain(self.beside.as_deref())
     }
 
+    /// Refuses a name that cannot be written, before the work.
+    pub fn require_writable(&self) -> Result<(), Failure> {
+        tell_left_behind(self.output, self.quiet);
+        Ok(self.format.require_writable(self.output)?)
+    }
+
     fn chosen(&self, store: &Store) -> u8 {
         self.level.unwrap_or_else(|| store.deepest_level())
     }
@@ -84,7 +90,6 @@ impl VolumePlan<'_> {
             unit: Some(unit.as_str()).filter(|unit| *unit != "unit"),
             description: &text,
         };
-        tell_left_behind(self.output, self.quiet);
         let bytes = self.format.bytes_about(&volume).try_into().unwrap_or(u64::MAX);
         require_space(self.output, bytes, "choose a lower --level")?;
         self.format.write(&volume, self.output, bars).map_err(told)?;

@@ -8,7 +8,7 @@ use anyhow::Context;
 use brickfield_engine::analysis::Element;
 use brickfield_engine::export::{Format, Quantity, Volume, format_of, listed_endings, npy_header};
 use brickfield_engine::lattice::BRICK_CELLS;
-use brickfield_engine::part::{PartFile, PartPair};
+use brickfield_engine::part::PartPair;
 use brickfield_engine::store::{BrickTree, Store};
 use brickfield_engine::voids::{VoidNumbers, Voids, write_labels};
 use serde_json::{Value, json};
@@ -47,8 +47,7 @@ impl VoidLabelFile {
                 LabelKind::Array(Box::new(PartPair::create(path, &description)?))
             }
             _ => {
-                // One that cannot be written is told before the work.
-                drop(PartFile::create(path)?);
+                format.require_writable(path)?;
                 LabelKind::Volume(format)
             }
         };

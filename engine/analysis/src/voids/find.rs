@@ -5,13 +5,14 @@ use super::boundary::{Boundaries, boundaries};
 use super::cad::cad_shares;
 use super::classify::class_of;
 use super::components::Connectivity;
+use super::infill::has_sparse_infill;
 use super::labelling::{Component, Labelling, label};
 use super::points::{ByComponent, Point, PointTree, gap, inscribed};
 use super::pores::{Pore, Pores, pores};
 use super::sealed::{SealFindings, SubcellField, sealed};
 use super::surface::{FARTHEST_BYTES, VoidSurface, surfaces};
 use super::totals::Total;
-use super::trace::{Trace, has_sparse_infill};
+use super::trace::Trace;
 use super::void::{Seal, Void};
 use crate::error::Result;
 use crate::lattice::RootCube;
@@ -133,7 +134,7 @@ pub fn find(store: &Store, options: &VoidOptions<'_>, progress: &dyn Progress) -
         left_out: 0,
         source_differs: false,
     };
-    let measured = found.count(store, options);
+    let measured = found.count(store);
     if measured.contains(&true) || !found.voids.is_empty() {
         found.measure(store, options, &measured, progress)?;
     }
@@ -145,17 +146,11 @@ pub fn find(store: &Store, options: &VoidOptions<'_>, progress: &dyn Progress) -
 
 impl Voids {
     /// Sums over all components; gives those that are to be measured, and makes voids of pores.
-    fn count(&mut self, store: &Store, options: &VoidOptions<'_>) -> Vec<bool> {
+    fn count(&mut self, store: &Store) -> Vec<bool> {
         let root = store.root();
-        let mut measured = vec![false; self.labelling.components.len()];
-        for (number, component) in self.labelling.components.iter().enumerate() {
-            if component.solid {
-                self.solids += 1;
-                continue;
-            }
-            measured[number] = Total::of(&component.sums, root).value >= options.min_volume;
-            self.left_out += usize::from(!measured[number]);
-        }
+        let measured: Vec<bool> =
+            self.labelling.components.iter().map(|component| !component.solid).collect();
+        self.solids = measured.iter().filter(|is_void| !**is_void).count();
         [self.solid_volume, self.void_volume] = [true, false].map(|solid| self.labelling.total(root, solid));
         if let Some(source) = &store.meta().volumes {
             let source = Total { value: source.union.value, error: source.union.bound() };
@@ -166,11 +161,7 @@ impl Voids {
             let void = void_of_pore(pores, pore, self.labelling.components.len() + number);
             self.void_volume.value += void.volume;
             self.void_volume.error += void.volume_error;
-            if void.volume >= options.min_volume {
-                self.voids.push(void);
-            } else {
-                self.left_out += 1;
-            }
+            self.voids.push(void);
         }
         measured
     }
@@ -200,10 +191,12 @@ impl Voids {
             found.push(void_of(labelling, component, surface, (root, cell)));
         })?;
         self.take(measured, found, (root, cell));
+        let kept = self.leave_out(options.min_volume, measured.len());
         if options.detail == Detail::Volumes {
             return Ok(());
         }
         let labelling = &self.labelling;
+        let is_kept = |component: usize| kept[component];
         let tracer = Tracer::new(store)?;
         let most = usize::try_from(rest / POINT_BYTES).unwrap_or(usize::MAX);
         let pores = self.pores.as_ref();
@@ -218,7 +211,7 @@ impl Voids {
             }
         }
         if let Some(cad) = options.cad {
-            let shares = cad_shares(store, cad, labelling, &is_void, progress)?;
+            let shares = cad_shares(store, cad, labelling, &is_kept, progress)?;
             self.voids.iter_mut().for_each(|void| void.cad_share = shares.get(&void.component).copied());
         }
         let source = match (&tracer, options.source) {
@@ -227,7 +220,7 @@ impl Voids {
             (None, None) => SubcellField::Samples,
         };
         let sealed = match options.detail {
-            Detail::All => sealed(store, labelling, &is_void, source, progress)?,
+            Detail::All => sealed(store, labelling, &is_kept, source, progress)?,
             Detail::Volumes | Detail::Classes => SealFindings::default(),
         };
         self.source_differs = sealed.source_differs;
@@ -262,6 +255,19 @@ impl Voids {
         self.void_volume.error += apart.abs();
         found.append(&mut self.voids);
         self.voids = found;
+    }
+
+    /// Leaves out voids below a volume. So what is left, and all totals, are the same whatever the volume; gives those components,
+    /// of so many, that stay.
+    fn leave_out(&mut self, min_volume: f64, components: usize) -> Vec<bool> {
+        let all = self.voids.len();
+        self.voids.retain(|void| void.volume >= min_volume);
+        self.left_out = all - self.voids.len();
+        let mut kept = vec![false; components];
+        for void in self.voids.iter().filter(|void| void.component < components) {
+            kept[void.component] = true;
+        }
+        kept
     }
 
     /// The numbers of the voids, from 1, by component and pore; 0 of all that are none.

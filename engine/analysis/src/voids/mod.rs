@@ -44,6 +44,7 @@ mod crossing;
 mod enclosing_ball;
 mod find;
 mod gaps;
+mod infill;
 mod labelling;
 mod labels;
 mod matter;

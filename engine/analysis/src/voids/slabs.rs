@@ -26,6 +26,11 @@ pub struct Slab {
     pub void: f64,
     /// ∫ (w − 1) where w ≥ 1, by samples.
     pub overlap: f64,
+    /// By how much the solid is more by lines along z than by those along x, and along y, in the same planes of samples.
+    pub apart: [f64; 2],
+    /// What lines may miss of the solid by chance, in volume: the root of how many crossings its outlines have, times a line's
+    /// area and the height.
+    pub by_chance: f64,
 }
 
 /// What a line passes.
@@ -42,6 +47,10 @@ struct Sums {
     solid: i128,
     void: i128,
     overlap: i128,
+    /// In units times the square of parts.
+    apart: [i128; 2],
+    /// Crossings of outlines, each times the square of a line's area and the height, in parts.
+    crossings: i128,
 }
 
 /// Planes, in parts of a unit from the root's first sample, and what lies between them and its neighbour above.
@@ -99,12 +108,20 @@ pub fn slabs(
             all.solid += part.solid;
             all.void += part.void;
             all.overlap += part.overlap;
+            all.crossings += part.crossings;
+            all.apart.iter_mut().zip(part.apart).for_each(|(all, part)| *all += part);
         }
         Ok(())
     })?;
     let volume = |sum: i128| sum as f64 / PARTS * root.unit().powi(3);
-    let slab = |s: Sums| Slab { solid: volume(s.solid), void: volume(s.void), overlap: volume(s.overlap) };
-    Ok(sums.into_iter().map(slab).collect())
+    let slab = |(s, ends): (Sums, &[f64])| Slab {
+        solid: volume(s.solid),
+        void: volume(s.void),
+        overlap: volume(s.overlap),
+        apart: s.apart.map(|apart| volume(apart) / PARTS),
+        by_chance: (s.crossings as f64 / PARTS * root.unit().powi(5) * (ends[1] - ends[0])).sqrt(),
+    };
+    Ok(sums.into_iter().zip(heights.windows(2)).map(slab).collect())
 }
 
 /// A height in parts of a unit from the root's first sample.
@@ -134,6 +151,7 @@ fn of_leaf(leaf: &Leaf<'_>, labelling: &Labelling, edges: &[i64]) -> (usize, Vec
     match (leaf.brick, signs) {
         (Brick::Counts { samples, .. }, Some(signs)) => {
             chords(leaf, (&components, &signs), &classes, &mut slabs);
+            across(leaf, &signs, &mut slabs);
             overlaps(samples, (low, step), area, &mut slabs);
         }
         (brick, _) => {
@@ -191,6 +209,39 @@ fn chords(
         }
         slabs.add(Class::Solid, (ends[0], ends[1]), whole[0] * area);
         slabs.add(Class::Void, (ends[0], ends[1]), whole[1] * area);
+    }
+}
+
+/// Adds what planes of samples have in common with the solid by counting samples, which are the lines along z, beyond what they
+/// have by chords along x, and along y. Where a plane's outline crosses an edge, what is left of the edge beyond the crossing
+/// tells.
+fn across(leaf: &Leaf<'_>, signs: &SignChanges, slabs: &mut Slabs<'_>) {
+    let NodeAt { low, shift, .. } = NodeAt::of(leaf.key);
+    let Brick::Counts { hermite, .. } = leaf.brick else { return };
+    let step = (1i64 << leaf.key.spacing_bits()) * PARTS as i64;
+    let (mut apart, mut crossings) = ([[0i64; BRICK_CELLS]; 2], [0i128; BRICK_CELLS]);
+    for (axis, planes) in [Axis::X, Axis::Y].into_iter().zip(&mut apart) {
+        let edges = &hermite.edges[axis.index()];
+        let mut offsets = (edges.len() == signs.counts()[axis.index()]).then_some(edges.iter());
+        signs.for_edges(axis, |[i, j, k]| {
+            let offset = offsets.as_mut().and_then(Iterator::next).map_or(1 << (STEP_BITS - 1), |e| e.offset);
+            if i.max(j).max(k) < BRICK_CELLS {
+                let beyond = (1 << STEP_BITS) - i64::from(offset);
+                crossings[k] += 1;
+                planes[k] += if signs.row(j, k) >> i & 1 != 0 { beyond } else { -beyond };
+            }
+        });
+    }
+    let width = 1i128 << leaf.key.spacing_bits();
+    for k in 0..BRICK_CELLS {
+        let from = low + k as i64 * step - step / 2;
+        let planes = apart.map(|planes| i128::from(planes[k] << shift) * width);
+        if crossings[k] > 0 {
+            slabs.each(from, from + step, |sums, length| {
+                sums.crossings += crossings[k] * width.pow(4) * length;
+                sums.apart.iter_mut().zip(planes).for_each(|(sum, plane)| *sum += plane * length);
+            });
+        }
     }
 }
 
@@ -270,7 +321,41 @@ mod tests {
             assert!((slab.void - void[n]).abs() < 1e-3, "{n}: {slab:?}");
             assert!((slab.solid + slab.void - solid[n]).abs() < 1e-2, "{n}: {slab:?}");
         }
+        // Of solid and void 24 samples along x are as long as their chords, and so along y.
+        assert!(found.iter().all(|slab| slab.apart.iter().all(|apart| apart.abs() < 1e-2)), "{found:?}");
         // The lowest samples with w = 2 stand for half a cell below 20.
         assert!((found[2].overlap - 288.0).abs() < 1e-3 && (found[3].overlap - 7.5 * 576.0).abs() < 1e-2);
+    }
+
+    #[test]
+    fn lines_along_x_and_y_tell_where_those_along_z_miss_a_face() {
+        // Solid from sample 4 to 19 along x, which ends at 19.25 and begins at 3.75.
+        let mut samples = Samples::filled(0);
+        for n in 0..BRICK_POINTS.pow(3) {
+            let at = point_position(n);
+            if (4..20).contains(&at[0]) && (4..28).contains(&at[1]) && (4..28).contains(&at[2]) {
+                samples.0[point_index(at)] = 1;
+            }
+        }
+        let signs = SignChanges::of(&samples);
+        let edges = Axis::ALL.map(|axis| {
+            let mut edges = Vec::new();
+            signs.for_edges(axis, |at| {
+                let is_end = axis == Axis::X && at[0] < 4;
+                let offset = if is_end { 3 << 14 } else { 1 << 14 };
+                edges.push(HermiteEdge { offset, normal: OctNormal(0) });
+            });
+            edges
+        });
+        let mut tree =
+            MemoryTree::new(RootCube { origin: [0.0, 0.0, -1.0 / f64::from(1 << 19)], edge: 32.0 });
+        tree.insert(NodeKey::ROOT, true, Brick::Counts { samples, hermite: Hermite { edges } });
+        let labelling = label(&tree, Connectivity::VoidSix, &Silent).unwrap();
+        let found = slabs(&tree, &labelling, &[10.0, 12.0, 13.5], &Silent).unwrap();
+        // 16 samples for a length of 15.5, in 24 lines.
+        for (slab, height) in found.iter().zip([2.0, 1.5]) {
+            let [x, y] = slab.apart;
+            assert!((x - 0.5 * 24.0 * height).abs() < 1e-3 && y.abs() < 1e-3, "{slab:?}");
+        }
     }
 }

@@ -2,11 +2,9 @@
 
 use super::around::{SurroundingSegments, Tracer};
 use super::gaps::gaps;
-use super::role::may_be_sparse;
 use crate::brick::Count;
 use crate::error::Result;
-use crate::lattice::Units;
-use crate::store::{BeadSegment, BrickTree};
+use crate::store::BrickTree;
 use std::collections::BTreeMap;
 
 /// A line of a toolpath beside a void.
@@ -43,7 +41,7 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Of what is around a void; `is_sparse` as [`has_sparse_infill`] has it.
+    /// Of what is around a void; `is_sparse` as `has_sparse_infill` has it.
     ///
     /// # Errors
     /// What reading the store gives.
@@ -101,53 +99,4 @@ impl Trace {
         trace.lines = lines.into_iter().map(line).collect();
         Ok(Some(trace))
     }
-}
-
-/// Whether infill that may be sparse is: of its lines that follow each other beside voids most lie farther apart than half their
-/// width more than they are wide. The lines of dense infill touch.
-pub(super) fn has_sparse_infill<'b>(
-    all: impl Iterator<Item = &'b SurroundingSegments>,
-    tracer: &Tracer<'_>,
-) -> bool {
-    const SPARSE: f64 = 1.5;
-    /// Lines nearer than this share of their width are joined end to end.
-    const JOINED: f64 = 0.25;
-    let tables = tracer.tables();
-    let mut lines: BTreeMap<(u32, u64), BeadSegment> = BTreeMap::new();
-    for around in all {
-        lines.extend(around.segments.iter().map(|(name, (_, segment))| (*name, *segment)));
-    }
-    let bead = |segment: &BeadSegment| tables.beads[tables.bead_of(segment.pass).0 as usize];
-    let is_infill = |s: &&BeadSegment| may_be_sparse(&tables.features[usize::from(bead(s).feature)]);
-    let infill: Vec<&BeadSegment> = lines.values().filter(is_infill).collect();
-    let mut distances: Vec<f64> = Vec::new();
-    for pair in infill.windows(2) {
-        let (first, second) = (bead(pair[0]), bead(pair[1]));
-        let widths = apart(pair[0], pair[1]) / tracer.width(pair[0]).max(tracer.width(pair[1]));
-        if (first.source, first.layer) == (second.source, second.layer) && widths > JOINED {
-            distances.push(widths);
-        }
-    }
-    distances.sort_unstable_by(f64::total_cmp);
-    distances.get(distances.len() / 2).is_some_and(|median| *median > SPARSE)
-}
-
-/// The least distance of two segments' centre lines.
-fn apart(one: &BeadSegment, other: &BeadSegment) -> f64 {
-    let v = |p: Units| p.map(f64::from);
-    let (p, q) = ((v(one.a), v(one.b)), (v(other.a), v(other.b)));
-    let to_segment = |at: [f64; 3], (a, b): ([f64; 3], [f64; 3])| {
-        let along = [0, 1, 2].map(|n| b[n] - a[n]);
-        let square: f64 = along.iter().map(|c| c * c).sum();
-        let t: f64 = if square > 0.0 {
-            ((0..3).map(|n| (at[n] - a[n]) * along[n]).sum::<f64>() / square).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        (0..3).map(|n| (a[n] + t * along[n] - at[n]).powi(2)).sum::<f64>().sqrt()
-    };
-    // In one layer lines that cross are no neighbours, so the ends tell.
-    [to_segment(p.0, q), to_segment(p.1, q), to_segment(q.0, p), to_segment(q.1, p)]
-        .into_iter()
-        .fold(f64::INFINITY, f64::min)
 }

@@ -13,7 +13,7 @@ pub struct Void {
     pub class: Option<Class>,
     /// Whether it opens to the outside.
     pub seal: Seal,
-    /// The diameter of the largest ball that can leave it, to a cell of the grid that was flooded; 0 of a void that is sealed,
+    /// The diameter of the largest ball that can leave it, mostly one or two cells of the grid too narrow; 0 of a void that is sealed,
     /// NaN of one that opens through what no sample shows.
     pub throat: f64,
     /// The component, or behind all components the pore.

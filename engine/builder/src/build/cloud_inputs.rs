@@ -62,6 +62,8 @@ pub fn surfels(inputs: Vec<CloudInput>, estimate: bool, progress: &dyn Progress)
         return Err(Error::setting("there is no input", "give at least one point cloud"));
     };
     let why = inputs.iter().find_map(|input| input.columns.no_normals.clone());
+    let inputs =
+        if estimate { inputs.into_iter().map(CloudInput::without_normals).collect() } else { inputs };
     let mut cloud = CloudInput::join(inputs)?;
     if estimate {
         cloud = with_estimated_normals(cloud, progress)?;

@@ -2,6 +2,7 @@
 
 use super::{directory_of, part_path};
 use crate::error::{Error, Result};
+use std::ffi::OsStr;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -15,15 +16,19 @@ pub struct PartFolder {
 }
 
 impl PartFolder {
-    /// Creates the unfinished folder.
+    /// Creates the unfinished folder, in whose place all of an older one goes. `is_own` knows the names of what is written into
+    /// such folders.
     ///
     /// # Errors
-    /// If `name` is there and no folder, or the unfinished folder cannot be created.
-    pub fn create(name: &Path) -> Result<PartFolder> {
+    /// If `name` is there and no folder, or one with other things in it; if the unfinished folder cannot be created.
+    pub fn create(name: &Path, is_own: impl Fn(&OsStr) -> bool) -> Result<PartFolder> {
+        // A `/` behind the name, as shells complete it, is no part of it.
+        let name = name.components().as_path();
         if name.exists() && !name.is_dir() {
-            let source = io::Error::new(io::ErrorKind::AlreadyExists, "a file of that name is there");
-            return Err(Error::io(name, "write the folder")(source));
+            let (what, remedy) = ("this is a file, and a folder is to be written", "choose another name");
+            return Err(Error::store(name, "output", what, remedy));
         }
+        require_own(name, is_own)?;
         let part = part_path(name);
         if part.is_dir() {
             fs::remove_dir_all(&part).map_err(Error::io(&part, "remove"))?;
@@ -58,6 +63,21 @@ impl PartFolder {
     }
 }
 
+/// Refuses to replace a folder that has other things in it.
+fn require_own(folder: &Path, is_own: impl Fn(&OsStr) -> bool) -> Result<()> {
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    for entry in fs::read_dir(folder).map_err(Error::io(folder, "read"))? {
+        let name = entry.map_err(Error::io(folder, "read"))?.file_name();
+        if !is_own(&name) {
+            let what = format!("it holds {}, and all in it would be replaced", name.display());
+            return Err(Error::store(folder, "output", what, "write a folder of another name"));
+        }
+    }
+    Ok(())
+}
+
 fn sync(folder: &Path) -> io::Result<()> {
     fs::File::open(folder)?.sync_all()
 }
@@ -85,7 +105,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let name = place.path().join("out.zarr");
         let write = |text: &str| {
-            let mut folder = PartFolder::create(&name).unwrap();
+            let mut folder = PartFolder::create(&name, |own| own == "file").unwrap();
             fs::write(folder.path().join("file"), text).unwrap();
             (text != "never").then(|| folder.finish().unwrap());
         };
@@ -101,6 +121,12 @@ mod tests {
         write("third");
         assert_eq!(fs::read_dir(place.path()).unwrap().count(), 1);
         fs::write(place.path().join("plain"), "").unwrap();
-        assert!(PartFolder::create(&place.path().join("plain")).is_err());
+        assert!(PartFolder::create(&place.path().join("plain"), |_| true).is_err());
+        // A slash behind the name changes nothing, and what somebody else has put there stays.
+        drop(PartFolder::create(&place.path().join("out.zarr/"), |own| own == "file").unwrap());
+        fs::write(name.join("thesis"), "").unwrap();
+        let refused = PartFolder::create(&name, |own| own == "file").map(|_| ()).unwrap_err().to_string();
+        assert!(refused.contains("it holds thesis"), "{refused}");
+        assert!(name.join("thesis").exists() && name.join("file").exists());
     }
 }

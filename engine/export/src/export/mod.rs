@@ -19,6 +19,7 @@ pub use volume::{LevelSupport, Quantity, Volume};
 
 use crate::analysis::Element;
 use crate::error::Result;
+use crate::part::PartFile;
 use crate::progress::Progress;
 use std::path::Path;
 
@@ -57,6 +58,14 @@ pub trait Format: Sync {
     /// the disk.
     fn bytes_about(&self, volume: &Volume<'_>) -> u128 {
         volume.dense_bytes() + TEXT_BYTES
+    }
+
+    /// Refuses a name that cannot be written, before the work.
+    ///
+    /// # Errors
+    /// If the file cannot be made, or would replace what is not its own.
+    fn require_writable(&self, path: &Path) -> Result<()> {
+        PartFile::create(path).map(drop)
     }
 
     /// Writes the file. It gets its name when it is complete.

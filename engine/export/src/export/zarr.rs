@@ -14,12 +14,15 @@ use crate::progress::Progress;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use rayon::prelude::*;
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::Path;
 
 /// The format.
 pub(super) struct Zarr;
 
+/// What describes a group, and an array.
+const DESCRIPTION: &str = "zarr.json";
 /// Bricks of a shard along an axis.
 const SHARD_BRICKS: u32 = 8;
 /// Bytes of a brick of beads, compressed.
@@ -46,24 +49,37 @@ impl Format for Zarr {
         blocks::mixed(volume) * BRICK_BYTES + (1 << 20)
     }
 
+    fn require_writable(&self, path: &Path) -> Result<()> {
+        PartFolder::create(path, is_own).map(drop)
+    }
+
     fn write(&self, volume: &Volume<'_>, path: &Path, progress: &dyn Progress) -> Result<()> {
-        let mut folder = PartFolder::create(path)?;
+        let mut folder = PartFolder::create(path, is_own)?;
         progress.phase("exporting", None, "shards");
         for (number, &level) in volume.levels.iter().enumerate() {
             Array { volume, level }.write(&folder.path().join(number.to_string()), progress)?;
         }
-        put(&folder.path().join("zarr.json"), group(volume).as_bytes())?;
+        put(&folder.path().join(DESCRIPTION), group(volume).as_bytes())?;
         folder.finish()
     }
+}
+
+/// Whether a group of ours may have an entry of this name: the numbers of levels, and what describes them.
+fn is_own(name: &OsStr) -> bool {
+    name == DESCRIPTION || name.to_str().is_some_and(|name| name.parse::<u8>().is_ok())
 }
 
 /// The group's description.
 fn group(volume: &Volume<'_>) -> String {
     let [x, y, z] = volume.origin();
+    // What OME-Zarr knows of the units that a store may have.
     let unit = match volume.unit {
+        Some("um") => ",\"unit\":\"micrometer\"",
         Some("mm") => ",\"unit\":\"millimeter\"",
-        Some("in") => ",\"unit\":\"inch\"",
+        Some("cm") => ",\"unit\":\"centimeter\"",
         Some("m") => ",\"unit\":\"meter\"",
+        Some("in") => ",\"unit\":\"inch\"",
+        Some("ft") => ",\"unit\":\"foot\"",
         _ => "",
     };
     let axes = ["z", "y", "x"].map(|name| format!("{{\"name\":\"{name}\",\"type\":\"space\"{unit}}}"));
@@ -98,7 +114,7 @@ impl Array<'_> {
     fn write(&self, folder: &Path, progress: &dyn Progress) -> Result<()> {
         let shards = (1u32 << self.level) / self.shard_bricks();
         std::fs::create_dir(folder).map_err(Error::io(folder, "create"))?;
-        put(&folder.join("zarr.json"), self.description().as_bytes())?;
+        put(&folder.join(DESCRIPTION), self.description().as_bytes())?;
         let places = (0..shards.pow(3)).map(|n| [n % shards, n / shards % shards, n / shards / shards]);
         places.par_bridge().try_for_each(|place| {
             progress.check()?;

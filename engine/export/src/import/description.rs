@@ -1,6 +1,6 @@
 //! The JSON beside a `.npy` or `.raw` file that tells where its samples lie, as `export` writes it.
 
-use super::grid::{Grid, GridLayout, GridPlacement, SampleType};
+use super::grid::{GridLayout, GridPlacement, SampleType, plain};
 use crate::error::{Error, Result};
 use crate::mmap::MappedFile;
 use serde_json::Value;
@@ -59,6 +59,26 @@ impl Description {
         })
     }
 
+    /// Refuses a description of another file, by its name's ending, or of other values than that file has.
+    pub fn require_of(&self, volume: &Path, number: SampleType, shape: [usize; 3]) -> Result<()> {
+        let described = self.value["array"].as_str().map(Path::new);
+        if let Some(array) = described.filter(|array| ending(array) != ending(volume)) {
+            let what = format!("it is of {}, not of {}", plain(&array.to_string_lossy()), name_of(volume));
+            return Err(self.error("array", &what));
+        }
+        let (dtype, described) = (&self.value["dtype"], self.numbers("shape"));
+        if dtype.as_str().and_then(SampleType::of_numpy).is_some_and(|other| other != number) {
+            let what = format!("is {dtype}, and {} has {}", name_of(volume), number.numpy());
+            return Err(self.error("dtype", &what));
+        }
+        let [x, y, z] = shape;
+        if described.is_some_and(|described| described != [z, y, x].map(|n| n as f64)) {
+            let what = format!("is {}, and {} has [{z}, {y}, {x}]", self.value["shape"], name_of(volume));
+            return Err(self.error("shape", &what));
+        }
+        Ok(())
+    }
+
     /// The type of the values and how many there are along x, y and z.
     fn layout(&self) -> Result<(SampleType, [usize; 3])> {
         let number = self.value["dtype"].as_str().and_then(SampleType::of_numpy);
@@ -67,6 +87,27 @@ impl Description {
         let [z, y, x] = shape.ok_or_else(|| self.error("shape", "is not three numbers"))?;
         Ok((number, [x, y, z].map(|n| n as usize)))
     }
+}
+
+/// The ending of a name, in lower case.
+fn ending(path: &Path) -> Option<String> {
+    path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase())
+}
+
+/// The name of a file, as a part of a line.
+fn name_of(path: &Path) -> String {
+    plain(&path.file_name().unwrap_or_default().to_string_lossy())
+}
+
+/// Refuses samples of which a description and a MetaImage, both beside them, tell different things: one is of samples that were
+/// there before.
+pub(super) fn require_same(samples: &Path, told: &GridLayout, other: Option<GridLayout>) -> Result<()> {
+    if other.is_none_or(|other| other.is_as(told)) {
+        return Ok(());
+    }
+    let [json, mhd] = ["json", "mhd"].map(|ending| name_of(&samples.with_extension(ending)));
+    let what = format!("{json} and {mhd} tell different things of its samples");
+    Err(Error::input(samples, "description", what, "remove the one that is of another export"))
 }
 
 /// One spacing, if all are equal.
@@ -78,10 +119,11 @@ pub(super) fn equal(volume: &Path, [x, y, z]: [f64; 3]) -> Result<f64> {
     Err(Error::input(volume, "spacing", what, "sample it anew with equal steps"))
 }
 
-/// Opens samples without a header.
-pub(super) fn open_raw(path: &Path, file: MappedFile, _: Option<&str>) -> Result<Grid> {
+/// What the description beside samples without a header tells.
+pub(super) fn raw_layout(path: &Path) -> Result<GridLayout> {
     let description = Description::beside(path)?;
     let (number, shape) = description.layout()?;
+    description.require_of(path, number, shape)?;
     let place = description.place(path)?;
-    Grid::in_place(path, file, 0, GridLayout { number, shape, place, format: "raw volume" })
+    Ok(GridLayout { number, shape, place, format: "raw volume" })
 }

@@ -155,6 +155,16 @@ pub(super) struct GridLayout {
     pub format: &'static str,
 }
 
+impl GridLayout {
+    /// Whether both tell the same, as far as both do.
+    pub fn is_as(&self, other: &GridLayout) -> bool {
+        let (one, two) = (&self.place, &other.place);
+        let is_unit = one.unit.is_none() || two.unit.is_none() || one.unit == two.unit;
+        let is_place = one.origin == two.origin && one.spacing == two.spacing && is_unit;
+        self.number == other.number && self.shape == other.shape && is_place
+    }
+}
+
 /// A volume in a file.
 pub struct Grid {
     file: MappedFile,

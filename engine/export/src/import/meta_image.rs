@@ -1,6 +1,6 @@
 //! MetaImage: a text of `Name = value` lines, with the samples behind it or in another file.
 
-use super::description::equal;
+use super::description::{equal, raw_layout, require_same};
 use super::grid::{Grid, GridLayout, GridPlacement, SampleType, plain};
 use super::packed::{Packed, Packing};
 use crate::error::{Error, Result};
@@ -62,6 +62,34 @@ impl<'a> Header<'a> {
 /// Opens an image.
 pub(super) fn open(path: &Path, file: MappedFile, _: Option<&str>) -> Result<Grid> {
     let header = Header::of(path, file.bytes())?;
+    let layout = layout(&header)?;
+    let name = header.text("ElementDataFile").unwrap_or_default().to_owned();
+    let is_packed = header.is_true("CompressedData");
+    if name == "LOCAL" {
+        let end = header.end;
+        return samples(path, file, end, layout, is_packed);
+    }
+    if name.starts_with("LIST") || name.contains('%') {
+        return Err(header.error("ElementDataFile", "write all samples into one file"));
+    }
+    let data = path.parent().unwrap_or(Path::new("")).join(name);
+    if data == path.with_extension("raw") {
+        require_same(&data, &layout, raw_layout(&data).ok())?;
+    }
+    samples(&data, MappedFile::open(&data)?, 0, layout, is_packed)
+}
+
+/// What a MetaImage beside samples tells of them; `None` if there is none that can be read, or it is of others.
+pub(super) fn layout_beside(samples: &Path) -> Option<GridLayout> {
+    let path = samples.with_extension("mhd");
+    let file = path.exists().then(|| MappedFile::open(&path).ok())??;
+    let header = Header::of(&path, file.bytes()).ok()?;
+    let name = Path::new(header.text("ElementDataFile")?);
+    (samples.file_name() == Some(name.as_os_str())).then(|| layout(&header).ok())?
+}
+
+/// What is told of an image's samples.
+fn layout(header: &Header<'_>) -> Result<GridLayout> {
     if header.is_true("BinaryDataByteOrderMSB") || header.is_true("ElementByteOrderMSB") {
         return Err(header.error("BinaryDataByteOrderMSB", "write it in little-endian order"));
     }
@@ -91,20 +119,10 @@ pub(super) fn open(path: &Path, file: MappedFile, _: Option<&str>) -> Result<Gri
     let steps = header.three("ElementSpacing").or_else(|| header.three("ElementSize")).unwrap_or([1.0; 3]);
     let origin =
         ["Offset", "Position", "Origin"].iter().find_map(|name| header.three(name)).unwrap_or([0.0; 3]);
-    let place = GridPlacement { origin, spacing: equal(path, steps)?, unit: None, holds_distances: false };
+    let place =
+        GridPlacement { origin, spacing: equal(header.path, steps)?, unit: None, holds_distances: false };
     let shape = shape.map(|n| n as usize);
-    let layout = GridLayout { number, shape, place, format: "MetaImage volume" };
-    let name = header.text("ElementDataFile").unwrap_or_default().to_owned();
-    let is_packed = header.is_true("CompressedData");
-    if name == "LOCAL" {
-        let end = header.end;
-        return samples(path, file, end, layout, is_packed);
-    }
-    if name.starts_with("LIST") || name.contains('%') {
-        return Err(header.error("ElementDataFile", "write all samples into one file"));
-    }
-    let data = path.parent().unwrap_or(Path::new("")).join(name);
-    samples(&data, MappedFile::open(&data)?, 0, layout, is_packed)
+    Ok(GridLayout { number, shape, place, format: "MetaImage volume" })
 }
 
 /// Of the samples in a file from a byte on.

@@ -16,6 +16,7 @@ mod grid;
 mod meta_image;
 mod npy;
 mod packed;
+mod raw;
 mod tags;
 #[cfg(test)]
 mod tests;
@@ -36,7 +37,7 @@ type Open = fn(&Path, MappedFile, Option<&str>) -> Result<Grid>;
 const FORMATS: [(&[&str], Open); 5] = [
     (&["npy"], npy::open),
     (&["mha", "mhd"], meta_image::open),
-    (&["raw"], description::open_raw),
+    (&["raw"], raw::open),
     (&["vdb"], vdb::open),
     (&["vti"], vti::open),
 ];

@@ -41,7 +41,9 @@ pub(super) fn open(path: &Path, file: MappedFile, _: Option<&str>) -> Result<Gri
         return Err(bad(&what, "write an array indexed [z, y, x]"));
     };
     let first = start + length;
-    let place = Description::beside(path)?.place(path)?;
+    let description = Description::beside(path)?;
+    description.require_of(path, number, [x, y, z])?;
+    let place = description.place(path)?;
     let layout = GridLayout { number, shape: [x, y, z], place, format: "NumPy volume" };
     Grid::in_place(path, file, first, layout)
 }

@@ -5,7 +5,7 @@ use super::columns::{CloudColumns, NormalLengths, short};
 use super::origin::Origin;
 use super::{InputKind, detect};
 use crate::error::{Error, Result};
-use crate::large_array::ArrayRoom;
+use crate::large_array::{ArrayRoom, LargeArray};
 use crate::mmap::{Access, MappedFile};
 use crate::progress::Progress;
 use crate::soup::PointCloud;
@@ -162,6 +162,13 @@ impl CloudInput {
         self.origin.identity()
     }
 
+    /// The same as if the file had no normals.
+    #[must_use]
+    pub fn without_normals(mut self) -> CloudInput {
+        self.cloud.normals = LargeArray::new(self.cloud.points.room());
+        self
+    }
+
     /// The points of some files as one cloud.
     ///
     /// # Errors
@@ -171,8 +178,12 @@ impl CloudInput {
         for CloudInput { path, cloud, columns, .. } in inputs {
             if !all.points.is_empty() && cloud.normals.is_empty() != all.normals.is_empty() {
                 let why = columns.no_normals.map_or_else(String::new, |why| format!(" ({why})"));
-                let what = format!("has normals or lacks them, unlike the clouds before it{why}");
-                return Err(Error::input(&path, "points", what, "give the clouds alike"));
+                let what = match cloud.normals.is_empty() {
+                    true => format!("has no normals, and the clouds before it have some{why}"),
+                    false => "has normals, and the clouds before it have none".to_owned(),
+                };
+                let remedy = "give all with normals, or estimate those of all";
+                return Err(Error::input(&path, "points", what, remedy));
             }
             if all.points.is_empty() {
                 all = cloud;

@@ -2,7 +2,7 @@
 
 use super::npy_header;
 use crate::analysis::Element;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::export::{Format, Volume};
 use crate::part::{PartFile, PartPair};
 use crate::progress::Progress;
@@ -52,6 +52,17 @@ fn pair(
     pair.finish()
 }
 
+/// The name of the file of samples beside a MetaImage, if a line of text can tell it.
+fn data_name(path: &Path) -> Result<String> {
+    let data = path.with_extension("raw");
+    let name = data.file_name().unwrap_or_default();
+    let told = name.to_str().filter(|name| name.trim() == *name && !name.contains(char::is_control));
+    told.map(str::to_owned).ok_or_else(|| {
+        let what = "a MetaImage cannot tell the name of its samples, which is no plain line of text";
+        Error::store(path, "output", what, "choose another name, or .mha")
+    })
+}
+
 impl Format for Mhd {
     fn ending(&self) -> &'static str {
         "mhd"
@@ -65,9 +76,14 @@ impl Format for Mhd {
         Some("raw")
     }
 
+    fn require_writable(&self, path: &Path) -> Result<()> {
+        data_name(path)?;
+        PartFile::create(path).map(drop)
+    }
+
     fn write(&self, volume: &Volume<'_>, path: &Path, progress: &dyn Progress) -> Result<()> {
         let data = path.with_extension("raw");
-        let name = data.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = data_name(path)?;
         pair(volume, [&data, path], [&[], header(volume, &name).as_bytes()], progress)
     }
 }

@@ -59,11 +59,11 @@ pub fn write_tiles(
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<TilesSummary> {
-    require_own(folder)?;
     let middle = MovedTree::middle(tree);
     let moved = MovedTree::new(tree, middle);
     let grid = TileGrid::new(moved.root(), middle, metres);
-    let mut out = PartFolder::create(folder)?;
+    let mut out =
+        PartFolder::create(folder, |name| [CONTENT, SUBTREES, TILESET].iter().any(|own| name == *own))?;
     let (mut summary, mut contents) = (TilesSummary::default(), BTreeSet::new());
     let deepest = tree.deepest_level().min(options.level.unwrap_or(u8::MAX));
     for level in 0..=deepest {
@@ -92,25 +92,6 @@ pub fn write_tiles(
     summary.bytes += write(&out.path().join(TILESET), grid.tileset(&contents).as_bytes())?;
     out.finish()?;
     Ok(summary)
-}
-
-/// Refuses to replace a folder that has other things in it.
-fn require_own(folder: &Path) -> Result<()> {
-    if !folder.is_dir() {
-        return Ok(());
-    }
-    for entry in std::fs::read_dir(folder).map_err(Error::io(folder, "read"))? {
-        let name = entry.map_err(Error::io(folder, "read"))?.file_name();
-        if ![CONTENT, SUBTREES, TILESET].iter().any(|own| name == *own) {
-            let what = format!(
-                "{}: it holds {}, and tiles would replace all in it",
-                folder.display(),
-                name.display()
-            );
-            return Err(Error::setting(what, "write tiles into a folder of their own"));
-        }
-    }
-    Ok(())
 }
 
 fn content_of(key: NodeKey) -> String {

@@ -151,9 +151,9 @@ impl<P: Located> NearestSearch<'_, P> {
         let (lower, upper) = (some.start..middle, middle + 1..some.end);
         let (near, far) = if beyond < 0.0 { (lower, upper) } else { (upper, lower) };
         self.among(near, (axis + 1) % 3);
-        // Equal distances too: the place decides between them.
+        // Equal distances too: the place decides between them. Of points at the place itself any are as good.
         let worst = self.found.last().map_or(f64::INFINITY, |found| found.squared);
-        if self.found.len() < self.count || beyond * beyond <= worst {
+        if self.found.len() < self.count || beyond * beyond <= worst && worst > 0.0 {
             self.among(far, (axis + 1) % 3);
         }
     }

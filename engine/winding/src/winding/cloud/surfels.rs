@@ -1,6 +1,6 @@
 //! Points with the surface that each stands for.
 
-use super::area::cell_area;
+use super::area::{NeighbourWay, cell_area};
 use super::nearest::{KdTree, Located, by_place};
 use crate::error::{Error, Result};
 use crate::large_array::LargeArray;
@@ -10,6 +10,10 @@ use crate::soup::PointCloud;
 use bytemuck::{Pod, Zeroable};
 use std::f64::consts::PI;
 
+/// Cosine of the angle between the normals of two points from which on an edge lies between them: 30°.
+const EDGE: f64 = 0.866;
+/// The same, from which on one is on the other side of a thin wall: 127°, so that edges of 53° and more are none.
+const OTHER_SIDE: f64 = -0.6;
 /// Neighbours that may bound the area of a point. Of scattered points a cell has six on average, but one in three has
 /// one that is not among the twelve nearest: with these alone areas were 5 % too large, and the surface that far outside.
 const NEIGHBOURS: usize = 24;
@@ -133,8 +137,9 @@ fn surfel_of(number: usize, nearest: &KdTree<FacingPoint>) -> Option<Surfel> {
     let around = &nearest.around(position, NEIGHBOURS + 1)[1..];
     let ways = around.iter().filter_map(|n| {
         let other = points[n.number as usize].normal()?;
-        let alike = (0..3).map(|a| normal[a] * other[a]).sum::<f64>() > 0.0;
-        alike.then(|| std::array::from_fn(|a| n.place[a] - position[a]))
+        let alike = (0..3).map(|a| normal[a] * other[a]).sum::<f64>();
+        let way = std::array::from_fn(|a| n.place[a] - position[a]);
+        (alike > OTHER_SIDE).then_some(NeighbourWay { way, face: (alike < EDGE).then_some(other) })
     });
     let reach = around.get(REACH_NEIGHBOUR - 1).or(around.last()).map_or(0.0, |n| n.squared).sqrt();
     let area = cell_area(normal, ways, reach);

@@ -75,6 +75,26 @@ fn oriented_points_tell_the_side_of_the_mesh() {
 }
 
 #[test]
+fn parts_with_sharp_edges_are_as_full_as_smooth_ones() {
+    let mut rng = Rng::new(4);
+    let cube = brickfield_bench_data::shapes::cuboid([-5.0; 3], [5.0; 3]);
+    let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+    let faces = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]];
+    let tetrahedron: Vec<Facet> =
+        faces.map(|face| face.map(|n: usize| corners[n].map(|c: f64| 5.0 * c))).to_vec();
+    let turned = cube.rotated([1.0, 2.0, 3.0], 0.7).facets().collect();
+    for facets in [cube.facets().collect(), turned, tetrahedron] {
+        let facets: Vec<Facet> = facets;
+        let cloud = scattered(&facets, 3_000, &mut rng);
+        let surfels = surfels_of(&cloud);
+        let root = root_of(&surfels);
+        let w = CloudField::new(&surfels, root).unwrap().brute_at(root, &[[0.0; 3], [0.6, -0.3, 0.2]]);
+        // Cells that went on beyond the edges made 1.15 of it, and 1.11 of the tetrahedron.
+        assert!(w.iter().all(|w| (w.abs() - 1.0).abs() < 0.01), "{w:?}");
+    }
+}
+
+#[test]
 fn the_tree_keeps_its_bound_and_ignores_threads_and_order() {
     let mut rng = Rng::new(2);
     let mut cloud = scattered(&torus(), 3_000, &mut rng);

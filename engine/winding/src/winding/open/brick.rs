@@ -93,8 +93,8 @@ pub(in crate::winding) fn binary_places(error: f64) -> Result<u8> {
     let bits = (BITS_MIN..=BITS_MAX).find(|&bits| f64::from(1u32 << bits).recip() <= 0.5 * error);
     bits.ok_or_else(|| {
         Error::setting(
-            format!("an error of {error} does not fit samples of 16 bits"),
-            format!("use one of at least {:.1e}", 2.01 / f64::from(1u32 << BITS_MAX)),
+            format!("samples of 16 bits cannot be as exact as {error}, which is what each kind of input may be off by"),
+            format!("allow {:.1e} at least, twice that for meshes and clouds together", 2.01 / f64::from(1u32 << BITS_MAX)),
         )
     })
 }
