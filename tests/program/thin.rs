@@ -155,6 +155,41 @@ fn ordinary_parts_have_no_thin_walls() {
     assert!((105.0..155.0).contains(&area), "{area}");
 }
 
+/// A cube with a cavity behind a wall of 0.01, turned. A lattice edge may pass the wall at the cavity's rim, where it leaves
+/// the wall through the cavity's side: no two faces are opposite there, and yet the cavity must come out sealed.
+#[test]
+fn a_cavity_behind_a_thin_wall_is_sealed_however_it_is_turned() {
+    let dir = Scratch::new();
+    let (store, table) = (dir.path("a.brf"), dir.path("v.json"));
+    // The first two left a hole at the rim.
+    let all = [
+        ([1.0, 2.0, 3.0], 29.0),
+        ([1.0, -2.0, 0.5], 10.0),
+        ([1.0, 0.0, 0.0], 13.0),
+        ([3.0, 1.0, 2.0], 41.0),
+        ([1.0, 1.0, 1.0], 20.0),
+        ([2.0, -1.0, 1.0], 77.0),
+        ([1.0, 5.0, 2.0], 63.0),
+    ];
+    for &(axis, degrees) in part_or_all(&all[..3], &all) {
+        let pieces =
+            [shapes::cuboid([0.0; 3], [10.0; 3]), shapes::cuboid([3.0; 3], [7.0, 7.0, 9.99]).flipped()];
+        let turned = pieces.map(|mesh| {
+            mesh.translated([-5.0; 3]).rotated(axis, f64::to_radians(degrees)).translated([5.0; 3])
+        });
+        let input = written(&dir, "cavity.stl", &turned);
+        warned(&input, &["--depth", "2", "--max-depth", "6", "--restart"], &store);
+        run(&[&"voids", &store, &"-o", &table, &"-q"]).ok();
+        let found: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(&table).unwrap()).unwrap();
+        let volume = found["voids"][0]["volume"].as_f64();
+        assert!(
+            volume.is_some_and(|volume| (volume / 111.84 - 1.0).abs() < 0.01),
+            "{axis:?} {degrees}: {found}"
+        );
+    }
+}
+
 /// Rods of a tenth of a cell on a plate, along an axis between all lattice lines, and askew; and a body without any line.
 #[test]
 fn rods_and_bodies_that_no_sample_shows_are_told() {

@@ -83,13 +83,16 @@ pub struct ThinFeatures {
     pub gaps: ThinSheets,
     /// Bricks without a sample inside that hold a piece of solid which is no such wall: a rod, or a small body.
     pub unseen: u64,
+    /// Bricks with samples side by side, on one side of the boundary, that a wall or a gap of any shape keeps apart. Known
+    /// of all lines only.
+    pub bridged: u64,
 }
 
 impl ThinFeatures {
     /// Whether nothing hides.
     #[inline]
     pub fn is_empty(&self) -> bool {
-        self.walls.edges == 0 && self.gaps.edges == 0 && self.unseen == 0
+        self.walls.edges == 0 && self.gaps.edges == 0 && self.unseen == 0 && self.bridged == 0
     }
 
     /// Adds those of other leaves.
@@ -98,6 +101,7 @@ impl ThinFeatures {
         self.walls.add(&other.walls);
         self.gaps.add(&other.gaps);
         self.unseen += other.unseen;
+        self.bridged += other.bridged;
     }
 
     /// What was found on some lines, for all of them.

@@ -2,6 +2,7 @@
 //! point clouds within a bound.
 
 mod balance;
+mod bridges;
 mod brute;
 mod cloud;
 mod corners;

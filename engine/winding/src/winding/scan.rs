@@ -88,6 +88,11 @@ impl ScanFacet {
         (normal != [0; 3]).then_some(ScanFacet { vertices, normal, first, last, size })
     }
 
+    /// Whether two facets have a vertex in common.
+    pub fn shares_vertex(&self, other: &ScanFacet) -> bool {
+        self.vertices.iter().any(|vertex| other.vertices.contains(vertex))
+    }
+
     /// First and last line index along an axis.
     #[inline(always)]
     fn lines(&self, axis: usize) -> (i32, i32) {

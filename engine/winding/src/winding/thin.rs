@@ -10,7 +10,7 @@ use crate::brick::{POINTS, Samples, ThinFeatures, ThinLines, ThinPair, point_ind
 use crate::lattice::{Axis, BRICK_CELLS, CubeTest, NodeKey, bounds};
 
 /// Words of a set of lattice edges along one axis, a bit for each sample that an edge may begin at.
-const WORDS: usize = POINTS.div_ceil(64);
+pub(super) const WORDS: usize = POINTS.div_ceil(64);
 
 /// Edges along one axis that facets cross in both directions.
 struct DoubleCrossings {
@@ -48,6 +48,7 @@ impl Evaluation<'_> {
         }
         let mut thin = thin.of_all(lines);
         thin.unseen = u64::from(thin.is_empty() && self.hides_solid());
+        thin.bridged = u64::from(lines == ThinLines::All && thin.is_empty() && self.bridges_sheet());
         thin
     }
 
@@ -107,6 +108,15 @@ impl Evaluator {
         for edge in hits.chunk_by(|p, q| p.lower == q.lower) {
             self.add_thin_edge(axis, key, samples, edge, thin);
         }
+    }
+
+    /// All crossings along an axis of the edges that facets cross in both directions.
+    pub(super) fn hits_of_double_edges(&self, axis: Axis, key: NodeKey) -> Vec<Hit> {
+        let mut hits = Vec::new();
+        self.add_hits(axis, key, ThinLines::All, |_, _| true, &mut hits);
+        let crossed = DoubleCrossings::by(&hits);
+        hits.retain(|hit| crossed.holds(hit.lower));
+        hits
     }
 
     /// Adds what hides on one edge, whose crossings are in order; nothing if some are missing.
