@@ -28,6 +28,7 @@
 //! | `mitre` | convex creases, whose planes are extended |
 //! | `closing` | parts closed by balls, as stores |
 //! | `band` | distances near the surface as a tree |
+//! | `brick_sides` | on which side samples of a brick are, within coarser leaves |
 //! | `sample_box` | boxes of samples, which both halve |
 //! | `deviation` | signed distances from a reference, both ways |
 //! | `by_bead` | deviation by layer and feature |
@@ -48,6 +49,7 @@ mod balls;
 mod band;
 mod boxes;
 mod brick_feet;
+mod brick_sides;
 mod by_bead;
 pub mod closing;
 mod cloud;

@@ -10,7 +10,7 @@ use crate::lattice::{dot, minus};
 use crate::wide::{Select, Simd, SimdBase, SimdMask, f32x8};
 
 /// Feet that are as near as this part of their squares are equally near: of a crease, found from its two sides.
-const TIE: f64 = 2e-6;
+pub(super) const TIE: f64 = 2e-6;
 /// The least depth of a point below the tangent plane, in cells, at which it bounds a ball that touches the plane on the same
 /// side of the part: nearer ones tell nothing but errors.
 const SHALLOW: f64 = 0.3;

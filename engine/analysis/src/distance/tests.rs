@@ -25,6 +25,19 @@ pub(super) fn tree(shape: SignedDistance<'_>) -> MemoryTree {
     tree
 }
 
+/// The same with one leaf divided once more: the other seven are coarser than the deepest level.
+pub(super) fn uneven_tree(shape: SignedDistance<'_>) -> MemoryTree {
+    let mut uneven = tree(shape);
+    let root = uneven.root();
+    let divided = NodeKey::ROOT.child(Octant::all().next().unwrap());
+    uneven.insert(divided, false, brick(shape, root, divided));
+    for octant in Octant::all() {
+        let key = divided.child(octant);
+        uneven.insert(key, true, brick(shape, root, key));
+    }
+    uneven
+}
+
 fn brick(shape: SignedDistance<'_>, root: RootCube, key: NodeKey) -> Brick {
     let point = |ijk: [usize; 3]| {
         root.to_world(std::array::from_fn(|a| {
