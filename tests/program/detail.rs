@@ -150,6 +150,53 @@ fn triangles_are_as_many_as_asked_for_and_files_as_large() {
 }
 
 #[test]
+fn flat_faces_are_merged_exactly_whatever_number_is_asked_for() {
+    let dir = Scratch::new();
+    let pieces = cuboid([0.0; 3], [10.0, 6.0, 3.0]);
+    let input = dir.file("box.stl", binary_stl(pieces.len() as u32, &pieces));
+    let (store, out) = (dir.path("box.brf"), dir.path("a.stl"));
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"2", &"-q"]).ok();
+    for asked in part_or_all(&["12", "24", "300"][..], &["12", "13", "24", "50", "300", "1000"]) {
+        let text = run(&[&"mesh", &store, &"-o", &out, &"--triangles", &asked]);
+        let text = text.ok_but_for("flat faces are merged, and more triangles would be no nearer");
+        assert!(text.contains(": 12 triangles, 8 vertices"), "{asked}: {text}");
+        judged(&out, 180.0, 1e-5);
+    }
+    // No reason is told that is not true, and no error contradicts itself.
+    run(&[&"mesh", &store, &"-o", &out, &"--max-size", &"3kB"])
+        .ok_but_for("nine tenths of 39, for which --max-size 2.9 KiB has room: flat faces are merged");
+    let line = run(&[&"mesh", &store, &"-o", &out, &"--triangles", &"11"]).failed();
+    assert!(line.contains("with at most 11 triangles was found; ask for more: the fewest"), "{line}");
+}
+
+/// Two boxes and a hollow ball: flat faces and round ones.
+#[test]
+fn faces_that_merge_leave_triangles_to_those_that_do_not() {
+    let dir = Scratch::new();
+    let ball = |radius| shapes::icosphere(3, radius).translated([2.0, 8.0, 5.0]);
+    let mut void = ball(1.0);
+    void.triangles.iter_mut().for_each(|corners| corners.swap(0, 1));
+    let low = shapes::cuboid([0.0; 3], [8.0, 4.0, 2.0]);
+    let pieces = [low, shapes::cuboid([6.0, 1.0, 1.0], [12.0, 3.0, 6.0]), ball(2.0), void];
+    let (store, out) = (dir.path("b.brf"), dir.path("b.stl"));
+    let input = stl_of(&dir, "a.stl", &Mesh::merged(&pieces));
+    run(&[&"build", &input, &"-o", &store, &"--depth", &"2", &"-q"]).ok();
+    let made = ["1", "2"].map(|threads| {
+        let json = meshed(&store, &out, &["--triangles", "380", "--threads", threads]);
+        let triangles = json["triangles"].as_u64().unwrap();
+        assert!((342..=380).contains(&triangles), "{triangles}");
+        judged(&out, json["expected"]["volume"].as_f64().unwrap(), 1e-3);
+        for distances in json["detail"]["distances"].as_array().unwrap() {
+            assert!(distances["of_999"].as_f64().unwrap() < 0.15, "{json}");
+        }
+        // Small as it is, the void is there.
+        assert!(json["shells"]["voids"]["volume"].as_f64().unwrap() > 3.4, "{json}");
+        std::fs::read(&out).unwrap()
+    });
+    assert!(made[0] == made[1]);
+}
+
+#[test]
 fn threads_change_no_byte_and_beads_keep_their_volume() {
     let dir = Scratch::new();
     let store = dir.path("a.brf");
@@ -269,7 +316,7 @@ fn what_cannot_be_is_refused_in_a_line() {
     let line = failed(&["--detail", "500mm"]).failed();
     assert!(line.contains("nothing is left in cells of"), "{line}");
     let line = failed(&["--triangles", "4"]).failed();
-    assert!(line.contains("ask for ") && line.contains(" at least"), "{line}");
+    assert!(line.contains("ask for more: the fewest that were found are "), "{line}");
     let line = failed(&["--min-shell-volume", "1e9"]).failed();
     assert!(line.contains("none of 7 shells is left"), "{line}");
     for (words, part) in [

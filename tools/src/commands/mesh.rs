@@ -23,7 +23,6 @@ use brickfield_engine::contour::{
     Angles, ContourMethod, ContourOptions, Coordinates, KeptCounts, MeshSink, MeshSummary, PlacedSink,
     ShellFilter, contour, create_sink, create_sink_with_normals, foresee_triangles,
 };
-use brickfield_engine::fraction::FractionTree;
 use brickfield_engine::part::free_beside;
 use brickfield_engine::store::{AcceptedStores, BrickTree, CacheStats, MovedTree, Store, is_store};
 use brickfield_engine::{Error, Progress};
@@ -144,8 +143,8 @@ fn run_coarse(
     let (of, with) = ((output, place.bits()), (&options, memory));
     let (made, chosen) = mesh_detail::find_chosen(args, (store, whole), of, with, source.as_ref(), bars)?;
     let options = ContourOptions { tolerance: made.tolerance, ..options };
-    let tree = FractionTree::new(&made.lattice, made.kept.depth);
-    let mut report = write_chosen((args, &chosen), (store, &tree), &options, (output, sink), bars)?;
+    let tree = made.tree(whole);
+    let mut report = write_chosen((args, &chosen), (store, tree.as_tree()), &options, (output, sink), bars)?;
     let mut detail = MeshDetail::of(&made, store, bars)?;
     detail.measure(&made, (&options, memory), (store, whole), bars)?;
     report.place(place);
@@ -153,7 +152,7 @@ fn run_coarse(
     let unit = &report.unit;
     if let Some(expected) = source {
         if args.iso.is_none()
-            && let Some(lost) = mesh_detail::lost_volume(&made, &expected, unit)
+            && let Some(lost) = mesh_detail::lost_volume(args, &made, &expected, unit)
         {
             warn(&format!("{}: {lost}", report.output));
         }
@@ -161,12 +160,12 @@ fn run_coarse(
     }
     let most = mesh_detail::most_triangles(args, of)?;
     if args.detail.is_none()
-        && let Some(why) = mesh_detail::fewer_triangles(&made, report.triangles, most)
+        && let Some(why) = mesh_detail::fewer_triangles(args, &made, report.triangles, most)
     {
         warn(&format!("{}: {why}", report.output));
     }
     report.iso = made.kept.fraction;
-    report.cell = made.lattice.cell();
+    report.cell = made.cell();
     report.detail = Some(detail);
     report.closing = closing;
     report.seconds = started.elapsed().as_secs_f64();

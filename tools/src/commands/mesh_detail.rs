@@ -12,8 +12,8 @@ use crate::units::{Length, Size};
 use anyhow::anyhow;
 use brickfield_engine::contour::{ContourOptions, MeshArrays, contour, foresee_triangles};
 use brickfield_engine::fraction::{
-    DetailRequest, Distances, FractionTree, Lattice, LevelSurface, SizedMesh, distances, factor_of,
-    finest_cell, fractions, keep_volume, of_triangles, surface,
+    DetailRequest, Distances, Lattice, LevelSurface, SizedMesh, distances, factor_of, finest_cell, fractions,
+    keep_volume, of_triangles, surface,
 };
 use brickfield_engine::store::{BrickTree, Store};
 use brickfield_engine::voids::{Connectivity, Total, label};
@@ -70,13 +70,13 @@ pub fn find_chosen(
     let make = |ask: u64| -> Result<(SizedMesh, ShellChoice, u64), Failure> {
         let made = find(args, (store, tree), ask, (options, memory), expected, bars)?;
         if made.kept.summary.triangles == 0 {
-            let (path, cell, unit) = (store.path().display(), made.lattice.cell(), unit_of(store.meta()));
+            let (path, cell, unit) = (store.path().display(), made.cell(), unit_of(store.meta()));
             return Err(anyhow!(
                 "{path}: nothing is left in cells of {cell:.6} {unit}; choose a smaller --detail"
             )
             .into());
         }
-        let (chosen, kept) = choose(args, (store, &made), output, (options, memory), bars)?;
+        let (chosen, kept) = choose(args, (store, tree, &made), output, (options, memory), bars)?;
         Ok((made, chosen, kept))
     };
     // What was asked for with too few triangles left, and with too many, and how many these were.
@@ -133,21 +133,22 @@ const SHELL_TRIES: usize = 6;
 /// The shells of a mesh that are kept, and how many triangles they have in the file.
 fn choose(
     args: &MeshArgs,
-    (store, made): (&Store, &SizedMesh),
+    (store, whole, made): (&Store, &dyn BrickTree, &SizedMesh),
     output: &Path,
     (options, memory): (&ContourOptions, u64),
     bars: &Bars,
 ) -> Result<(ShellChoice, u64), Failure> {
-    let tree = FractionTree::new(&made.lattice, made.kept.depth);
+    let chosen_tree = made.tree(whole);
+    let tree = chosen_tree.as_tree();
     let options = ContourOptions { tolerance: made.tolerance, ..options.clone() };
-    let chosen = mesh_shells::choose(args, &tree, &options, memory, bars)
+    let chosen = mesh_shells::choose(args, tree, &options, memory, bars)
         .map_err(|error| of_store(store, "shells", error))?;
     // A mesh of a detail has as many as it has.
     if !args.quality || args.detail.is_some() || chosen.triangles == 0 {
         let kept = chosen.triangles;
         return Ok((chosen, kept));
     }
-    let kept = mesh_quality::improved_triangles(&chosen, (store, &tree), &options, output, bars)?;
+    let kept = mesh_quality::improved_triangles(&chosen, (store, tree), &options, output, bars)?;
     Ok((chosen, kept))
 }
 
@@ -165,7 +166,7 @@ fn find(
         let lattice = lattice_of(detail, (store, tree), memory, bars)?;
         let volume = expected.map_or(lattice.volume(), |expected| expected.volume);
         let kept = kept(args, &lattice, volume, options, bars).map_err(told)?;
-        return Ok(SizedMesh { lattice, kept, tolerance: options.tolerance });
+        return Ok(SizedMesh::of_fractions(lattice, kept, options.tolerance, tree));
     }
     let of_all = foresee_triangles(store, 0.5, None).map_err(told)?;
     let volume = expected.map(|expected| expected.volume);
@@ -267,6 +268,9 @@ pub struct MeshDetail {
     pub factor: u32,
     /// Samples in one of them, along an axis.
     pub samples_per_cell: u32,
+    /// Whether the surface is that of the store's own cells.
+    #[serde(skip)]
+    is_own: bool,
     /// The fraction of solid at the surface.
     pub fraction: f64,
     /// How far the surface was moved for the sake of fewer triangles.
@@ -294,9 +298,10 @@ impl MeshDetail {
             ShellRegions { count, volume: value, volume_error: Some(error) }
         };
         Ok(MeshDetail {
-            cell: made.lattice.cell(),
-            factor: made.lattice.factor(),
-            samples_per_cell: made.lattice.samples_per_cell(),
+            cell: made.cell(),
+            factor: made.factor(),
+            samples_per_cell: made.samples_per_cell(),
+            is_own: made.is_own(),
             fraction: made.kept.fraction,
             tolerance: made.tolerance,
             voids: of(false),
@@ -320,8 +325,7 @@ impl MeshDetail {
             return Ok(());
         }
         let mut mesh = MeshArrays::default();
-        let tree = FractionTree::new(&made.lattice, made.kept.depth);
-        contour(&tree, options, &mut mesh, bars)?;
+        contour(made.tree(whole).as_tree(), options, &mut mesh, bars)?;
         let reach = REACH * self.cell + self.tolerance;
         let found = distances(whole, &mesh, (FAR * self.cell, reach), bars)
             .map_err(|error| of_store(store, "distances", error))?;
@@ -331,19 +335,11 @@ impl MeshDetail {
 
     /// For people.
     pub fn text(&self, shells: &Shells, unit: &str) -> String {
-        let MeshDetail { cell, factor, samples_per_cell, fraction, tolerance, voids, pieces, distances } =
-            self;
-        let sampled = match samples_per_cell {
-            1 => String::new(),
-            samples => format!(", with {samples} samples in each"),
-        };
+        let MeshDetail { cell, factor, tolerance, voids, pieces, distances, .. } = self;
         let [of_voids, mut of_pieces] = [shells.all_voids(), shells.all_pieces()];
         // Shells enclose their voids as well.
         of_pieces.volume -= of_voids.volume;
-        let mut text = format!(
-            "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis{sampled}; the surface is where {:.1}% is solid",
-            100.0 * fraction
-        );
+        let mut text = self.cells_text(unit);
         if *tolerance > 0.0 {
             text += &format!("; tolerance {tolerance:.6} {unit}");
         }
@@ -375,6 +371,25 @@ impl MeshDetail {
     }
 }
 
+impl MeshDetail {
+    /// What cells the surface is of, for people.
+    fn cells_text(&self, unit: &str) -> String {
+        let MeshDetail { cell, factor, samples_per_cell, fraction, .. } = self;
+        if self.is_own {
+            return format!("\n  detail   the store's own cells of {cell:.6} {unit}");
+        }
+        let sampled = match samples_per_cell {
+            1 => String::new(),
+            samples => format!(", with {samples} samples in each"),
+        };
+        let percent = 100.0 * fraction;
+        format!(
+            "\n  detail   cells of {cell:.6} {unit}, {factor} of the store's an axis{sampled}; the surface is where {percent:.1}% is \
+             solid"
+        )
+    }
+}
+
 /// Regions of the store and what of them is in the mesh.
 fn compared((fine, coarse): (&ShellRegions, &ShellRegions), unit: &str, kind: &str) -> String {
     let volume = measured(fine.volume, fine.volume_error.unwrap_or_default());
@@ -391,19 +406,22 @@ fn compared((fine, coarse): (&ShellRegions, &ShellRegions), unit: &str, kind: &s
 }
 
 /// A warning that a mesh has fewer than nine tenths of the triangles that were asked for, and why.
-pub fn fewer_triangles(made: &SizedMesh, triangles: u64, most: u64) -> Option<String> {
+pub fn fewer_triangles(args: &MeshArgs, made: &SizedMesh, triangles: u64, most: u64) -> Option<String> {
     let least = most / 10 * 9;
     let why = if made.kept.summary.triangles >= least {
         "the others were slivers, or of shells that are left out"
-    } else if made.is_flat() {
-        "flat faces are merged, and more triangles would be no nearer to the part"
-    } else if made.lattice.factor() == 1 {
+    } else if made.is_own() && made.is_flat() {
+        "flat faces are merged, and more triangles would be no nearer to the store's surface"
+    } else if made.factor() == 1 && made.tolerance == 0.0 {
         "the store has no more"
     } else {
-        "smaller cells would have more than that, or not keep the volume"
+        "of the meshes that were tried, none with more of them was found better"
     };
-    let told =
-        format!("{triangles} triangles are fewer than nine tenths of {most}, which were asked for: {why}");
+    let asked = match args.max_size {
+        Some(size) if args.triangles != Some(most) => format!("for which --max-size {size} has room"),
+        _ => "which were asked for".to_owned(),
+    };
+    let told = format!("{triangles} triangles are fewer than nine tenths of {most}, {asked}: {why}");
     (triangles < least).then_some(told)
 }
 
@@ -411,15 +429,27 @@ pub fn fewer_triangles(made: &SizedMesh, triangles: u64, most: u64) -> Option<St
 const MOST_OFF: f64 = 1e-3;
 
 /// A warning that a mesh does not hold the volume, where it could not.
-pub fn lost_volume(made: &SizedMesh, expected: &ExpectedVolume, unit: &str) -> Option<String> {
+pub fn lost_volume(
+    args: &MeshArgs,
+    made: &SizedMesh,
+    expected: &ExpectedVolume,
+    unit: &str,
+) -> Option<String> {
     let off = (made.kept.summary.volume - expected.volume).abs();
     if off <= expected.error.max(MOST_OFF * expected.volume) {
         return None;
     }
     let (volume, there) = (made.kept.summary.volume, measured(expected.volume, expected.error));
+    let remedy = if args.detail.is_some() {
+        "a smaller --detail"
+    } else if args.triangles.is_some() {
+        "more --triangles"
+    } else {
+        "a larger --max-size"
+    };
     Some(format!(
-        "the mesh holds {volume:.3} {unit}³ of {there} {unit}³: lines closer than cells of {:.6} {unit} are solid at one fraction \
-         and void at the next; choose a smaller --detail or more --triangles",
-        made.lattice.cell()
+        "the mesh holds {volume:.3} {unit}³ of {there} {unit}³: no surface of cells of {:.6} {unit} was found that holds it, as \
+         where walls or gaps are narrower; try {remedy}",
+        made.cell()
     ))
 }

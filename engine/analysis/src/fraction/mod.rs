@@ -16,6 +16,7 @@
 //! | `widen` | wide tents from narrow ones, for cells with several samples |
 //! | `level` | the surface that keeps the volume |
 //! | `size` | the detail at which a mesh has so many triangles |
+//! | `nearest` | the nearest mesh with so many triangles of a part of faces |
 //! | `distance` | how far a mesh and the surface of a store are from each other |
 
 mod chords;
@@ -24,6 +25,7 @@ mod kernel;
 mod lattice;
 mod leaf;
 mod level;
+mod nearest;
 mod plan;
 mod sharp;
 mod size;
@@ -35,7 +37,7 @@ mod widen;
 pub use distance::{Distances, distances};
 pub use lattice::{Lattice, fine_fractions, fractions};
 pub use level::{LevelSurface, keep_volume, surface};
-pub use size::{DetailRequest, SizedMesh, of_triangles};
+pub use size::{DetailRequest, SizedMesh, SizedTree, of_triangles};
 pub use tree::FractionTree;
 
 use crate::store::BrickTree;

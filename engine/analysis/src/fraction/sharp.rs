@@ -77,6 +77,12 @@ pub(super) struct LeafPlanes {
 }
 
 impl LeafPlanes {
+    /// At how many samples planes agree, and at how many they do not.
+    pub fn agreeing(&self) -> [u64; 2] {
+        let agreeing = self.planes.iter().filter(|(_, planes)| planes.agree()).count() as u64;
+        [agreeing, self.planes.len() as u64 - agreeing]
+    }
+
     /// Of a leaf that begins at a sample of the finest level, which is `fine` of its own cells wide, `factor` of those a coarse
     /// cell.
     pub fn of(plan: &Plan, begins: [usize; 3], fine: usize, factor: usize, brick: &Brick) -> LeafPlanes {

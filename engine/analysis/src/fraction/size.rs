@@ -2,7 +2,8 @@
 
 use super::lattice::{Lattice, fine_fractions, fractions};
 use super::level::{LevelSurface, depth_of, keep_volume, measure};
-use super::{FractionTree, factor_of};
+use super::nearest::{nearer, nearest};
+use super::{FractionTree, factor_of, finest_cell};
 use crate::contour::ContourOptions;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -24,17 +25,17 @@ const REACH: f64 = 2.2;
 /// The largest tolerance in coarse cells: beyond it a coarser lattice is nearer to the part for as many triangles.
 const MOST_TOLERANCE: f64 = 0.3;
 /// The largest where coarser lattices have no surface, as of infill whose lines are closer than cells.
-const LAST_TOLERANCE: f64 = 1.0;
+pub(super) const LAST_TOLERANCE: f64 = 1.0;
 /// By how much of its volume a mesh may be off while another may be nearer.
-const MOST_OFF: f64 = 1e-3;
+pub(super) const MOST_OFF: f64 = 1e-3;
 /// By how much it may be off and yet be better than one with too few triangles.
 const TOLERABLE_OFF: f64 = 1e-2;
 /// Tolerances that are tried at most.
 const TRIES: usize = 9;
 /// The same for meshes that could be written.
 const TRIES_WRITTEN: usize = 6;
-/// A tolerance of so many cells moves nothing: it merges what is flat.
-const NOTHING: f64 = 1e-6;
+/// A tolerance of so many cells merges what is flat and moves nothing by more than crossings are rounded.
+pub(super) const FLAT: f64 = 1e-3;
 /// Fractions that would only make the number right may take so many bytes.
 const OPTIONAL_BYTES: u64 = 256 << 20;
 /// Finer lattices that are tried at most where a tolerance of nothing takes too much.
@@ -42,24 +43,91 @@ const FINER: usize = 6;
 
 /// A mesh of about the size asked for, not written yet.
 pub struct SizedMesh {
-    /// The fractions that it is a surface of.
-    pub lattice: Lattice,
+    /// The fractions that it is a surface of; `None` if it is the surface of the tree's own cells.
+    pub lattice: Option<Lattice>,
     /// The surface.
     pub kept: LevelSurface,
     /// How far it may move for the sake of fewer triangles.
     pub tolerance: f64,
+    /// Edge of the tree's finest cells.
+    finest: f64,
+}
+
+/// What a mesh is contoured from.
+pub enum SizedTree<'a> {
+    /// The tree's own cells.
+    Own(&'a dyn BrickTree),
+    /// Fractions of it.
+    Fractions(FractionTree<'a>),
+}
+
+impl SizedTree<'_> {
+    /// As a tree that can be contoured.
+    pub fn as_tree(&self) -> &dyn BrickTree {
+        match self {
+            SizedTree::Own(tree) => *tree,
+            SizedTree::Fractions(tree) => tree,
+        }
+    }
 }
 
 impl SizedMesh {
+    /// A surface of the fractions of a tree.
+    pub fn of_fractions(
+        lattice: Lattice,
+        kept: LevelSurface,
+        tolerance: f64,
+        tree: &dyn BrickTree,
+    ) -> SizedMesh {
+        SizedMesh { lattice: Some(lattice), kept, tolerance, finest: finest_cell(tree) }
+    }
+
+    /// The surface of a tree's own cells.
+    pub(super) fn of_own(kept: LevelSurface, tolerance: f64, tree: &dyn BrickTree) -> SizedMesh {
+        SizedMesh { lattice: None, kept, tolerance, finest: finest_cell(tree) }
+    }
+
+    /// What is to be contoured. The tree is the one of which it was made.
+    pub fn tree<'a>(&'a self, whole: &'a dyn BrickTree) -> SizedTree<'a> {
+        match &self.lattice {
+            Some(lattice) => SizedTree::Fractions(FractionTree::new(lattice, self.kept.depth)),
+            None => SizedTree::Own(whole),
+        }
+    }
+
+    /// Edge of its cells.
+    pub fn cell(&self) -> f64 {
+        self.lattice.as_ref().map_or(self.finest, Lattice::cell)
+    }
+
+    /// How many of the finest cells an axis are one of its cells.
+    pub fn factor(&self) -> u32 {
+        self.lattice.as_ref().map_or(1, Lattice::factor)
+    }
+
+    /// Samples in one of its cells, along an axis.
+    pub fn samples_per_cell(&self) -> u32 {
+        self.lattice.as_ref().map_or(1, Lattice::samples_per_cell)
+    }
+
+    fn bytes(&self) -> u64 {
+        self.lattice.as_ref().map_or(0, Lattice::bytes)
+    }
+
     /// Whether only what is flat was merged: more triangles would be no nearer to the part in these cells.
     pub fn is_flat(&self) -> bool {
-        self.tolerance > 0.0 && self.tolerance <= NOTHING * self.lattice.cell()
+        self.tolerance > 0.0 && self.tolerance <= FLAT * self.cell()
+    }
+
+    /// Whether it is the surface of the tree's own cells: nothing is nearer to that.
+    pub fn is_own(&self) -> bool {
+        self.lattice.is_none()
     }
 
     /// By which share of the volume it is off.
-    fn off(&self, request: &DetailRequest<'_>) -> f64 {
-        let volume = request.volume.unwrap_or(self.lattice.volume());
-        (self.kept.summary.volume / volume - 1.0).abs()
+    pub(super) fn off(&self, request: &DetailRequest<'_>) -> f64 {
+        let volume = request.volume.or(self.lattice.as_ref().map(Lattice::volume));
+        volume.map_or(0.0, |volume| (self.kept.summary.volume / volume - 1.0).abs())
     }
 
     /// How near it is to what is asked for.
@@ -90,22 +158,32 @@ enum Fit {
 }
 
 /// The fewest triangles that were seen.
-struct Fewest {
+pub(super) struct Fewest {
+    /// Of a mesh that could be written.
+    written: u64,
+    /// The same, or of one whose triangles may meet.
     triangles: u64,
-    /// The factor of the lattice that they are of.
+    /// The factor of the lattice that these are of.
     factor: u32,
 }
 
 impl Fewest {
     /// None yet.
-    fn none() -> Fewest {
-        Fewest { triangles: u64::MAX, factor: 0 }
+    pub fn none() -> Fewest {
+        Fewest { written: u64::MAX, triangles: u64::MAX, factor: 0 }
     }
 
     /// No triangles are no surface.
     fn note(&mut self, triangles: u64, lattice: &Lattice) {
         if triangles > 0 && triangles < self.triangles {
-            *self = Fewest { triangles, factor: lattice.factor() };
+            (self.triangles, self.factor) = (triangles, lattice.factor());
+        }
+    }
+
+    /// Of a mesh that could be written.
+    pub fn note_written(&mut self, triangles: u64) {
+        if triangles > 0 {
+            self.written = self.written.min(triangles);
         }
     }
 }
@@ -125,11 +203,9 @@ pub struct DetailRequest<'a> {
     pub memory: u64,
 }
 
-/// A mesh of at most so many triangles and no less than nine tenths of them, where there are so many: the coarsest lattice
-/// that has more of them, and a tolerance that takes away the rest.
-///
-/// Between two whole numbers of cells triangles may be too many and too few. Then numbers between them follow that were left
-/// out, and the cells of the coarser one are sampled more finely. Where flat faces alone take away too much, finer lattices follow.
+/// A mesh of at most so many triangles and no less than nine tenths of them, where there are so many. Of a part of faces it is
+/// [`nearest`] to that. Of others it is that of the coarsest lattice that has more of them, and a tolerance that takes away the
+/// rest.
 ///
 /// # Errors
 /// [`Error::Setting`] if no mesh has so few; as [`fractions`] and [`crate::contour::contour`].
@@ -138,32 +214,69 @@ pub fn of_triangles(
     request: DetailRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<SizedMesh> {
-    let mut found = coarsest(tree, &request, progress)?;
-    let is_done = |found: &SizedMesh| matches!(found.fit(&request), Fit::Both(_));
-    if is_done(&found) || found.lattice.factor() == 1 {
-        return Ok(found);
+    let mut fewest = Fewest::none();
+    let near = nearest(tree, &request, &mut fewest, progress)?;
+    // What it tried need not be tried once more.
+    fewest = Fewest { written: fewest.written, ..Fewest::none() };
+    match near {
+        Some(near) if near.off(&request) <= MOST_OFF => Ok(near),
+        Some(near) => {
+            let memory = request.memory.saturating_sub(near.bytes());
+            let request = DetailRequest { memory, ..request };
+            let found = of_coarsest(tree, &request, &mut fewest, progress)?;
+            let Some(found) = found else { return Ok(near) };
+            if [&near, &found].iter().all(|made| made.off(&request) <= TOLERABLE_OFF) {
+                return nearer(tree, &request, [near, found], progress);
+            }
+            Ok(if found.fit(&request) > near.fit(&request) { found } else { near })
+        }
+        None => {
+            let found = of_coarsest(tree, &request, &mut fewest, progress)?;
+            found.ok_or_else(|| too_few(request.most, &fewest))
+        }
+    }
+}
+
+/// The mesh of the coarsest lattice, and of others if that does not meet what is asked for.
+///
+/// Between two whole numbers of cells triangles may be too many and too few. Then numbers between them follow that were left
+/// out, and the cells of the coarser one are sampled more finely. Where flat faces alone take away too much, finer lattices follow.
+fn of_coarsest(
+    tree: &dyn BrickTree,
+    request: &DetailRequest<'_>,
+    fewest: &mut Fewest,
+    progress: &dyn Progress,
+) -> Result<Option<SizedMesh>> {
+    let Some(mut found) = coarsest(tree, request, fewest, progress)? else { return Ok(None) };
+    let is_done = |found: &SizedMesh| matches!(found.fit(request), Fit::Both(_));
+    if is_done(&found) || found.factor() == 1 {
+        return Ok(Some(found));
     }
     if found.is_flat() {
-        found = finer(tree, found, &request, progress)?;
+        found = finer(tree, found, request, progress)?;
     }
-    for cells in between(found.lattice.factor()).into_iter().chain(well_sampled(found.lattice.factor())) {
+    for cells in between(found.factor()).into_iter().chain(well_sampled(found.factor())) {
         if is_done(&found) || found.is_flat() {
             break;
         }
-        found = in_other_cells(tree, found, cells, &request, progress)?;
+        found = in_other_cells(tree, found, cells, request, progress)?;
     }
-    Ok(found)
+    Ok(Some(found))
 }
 
 /// The coarsest lattice that has enough triangles, and a tolerance that takes away the rest; coarser ones, if that does not
 /// reach or takes too much of the volume.
-fn coarsest(tree: &dyn BrickTree, request: &DetailRequest<'_>, progress: &dyn Progress) -> Result<SizedMesh> {
+fn coarsest(
+    tree: &dyn BrickTree,
+    request: &DetailRequest<'_>,
+    fewest: &mut Fewest,
+    progress: &dyn Progress,
+) -> Result<Option<SizedMesh>> {
     let (mut lattice, mut larger) = first_lattice(tree, request, progress)?;
     let mut best: Option<SizedMesh> = None;
-    let mut fewest = Fewest::none();
     loop {
         let factor = f64::from(lattice.factor());
-        if let Some(found) = fitted(lattice, request, (MOST_TOLERANCE, &mut fewest), progress)? {
+        if let Some(found) = fitted(tree, lattice, request, (MOST_TOLERANCE, fewest), progress)? {
             let fit = found.fit(request);
             if best.as_ref().is_none_or(|best| fit > best.fit(request)) {
                 best = Some(found);
@@ -187,9 +300,9 @@ fn coarsest(tree: &dyn BrickTree, request: &DetailRequest<'_>, progress: &dyn Pr
     if best.is_none() && fewest.factor > 0 {
         let lattice = fractions(tree, &[fewest.factor], request.memory, progress)?.pop();
         let lattice = lattice.expect("one factor gives one lattice");
-        best = fitted(lattice, request, (LAST_TOLERANCE, &mut fewest), progress)?;
+        best = fitted(tree, lattice, request, (LAST_TOLERANCE, fewest), progress)?;
     }
-    best.ok_or_else(|| too_few(request.most, &fewest))
+    Ok(best)
 }
 
 /// The mesh of the finest lattice whose triangles a tolerance brings down to those asked for, or `found` if there is none finer.
@@ -200,14 +313,14 @@ fn finer(
     progress: &dyn Progress,
 ) -> Result<SizedMesh> {
     for _ in 0..FINER {
-        let factor = found.lattice.factor() * 2 / 3;
+        let factor = found.factor() * 2 / 3;
         if factor == 0 || !found.is_flat() {
             break;
         }
-        let available = request.memory.saturating_sub(found.lattice.bytes());
+        let available = request.memory.saturating_sub(found.bytes());
         let lattice = optional(available, |bytes| fractions(tree, &[factor], bytes, progress))?;
         let Some(lattice) = lattice.and_then(|mut lattices| lattices.pop()) else { break };
-        match fitted(lattice, request, (MOST_TOLERANCE, &mut Fewest::none()), progress)? {
+        match fitted(tree, lattice, request, (MOST_TOLERANCE, &mut Fewest::none()), progress)? {
             // Where the volume is kept as well, smaller cells are nearer.
             Some(next) if next.off(request) <= found.off(request).max(MOST_OFF) => found = next,
             _ => break,
@@ -238,17 +351,17 @@ fn in_other_cells(
     request: &DetailRequest<'_>,
     progress: &dyn Progress,
 ) -> Result<SizedMesh> {
-    let available = request.memory.saturating_sub(found.lattice.bytes());
+    let available = request.memory.saturating_sub(found.bytes());
     let Some(lattice) = optional(available, |bytes| fine_fractions(tree, cells, bytes, progress))? else {
         return Ok(found);
     };
-    let next = fitted(lattice, request, (MOST_TOLERANCE, &mut Fewest::none()), progress)?;
+    let next = fitted(tree, lattice, request, (MOST_TOLERANCE, &mut Fewest::none()), progress)?;
     Ok(next.filter(|next| next.fit(request) > found.fit(request)).unwrap_or(found))
 }
 
 /// What `make` makes within so many bytes; `None` if that takes more than what is not needed may take. Whether it does must not
 /// depend on the memory, so less than that is refused.
-fn optional<T>(available: u64, make: impl FnOnce(u64) -> Result<T>) -> Result<Option<T>> {
+pub(super) fn optional<T>(available: u64, make: impl FnOnce(u64) -> Result<T>) -> Result<Option<T>> {
     match make(available.min(OPTIONAL_BYTES)) {
         Err(Error::Setting { .. }) if available >= OPTIONAL_BYTES => Ok(None),
         made => made.map(Some),
@@ -256,12 +369,12 @@ fn optional<T>(available: u64, make: impl FnOnce(u64) -> Result<T>) -> Result<Op
 }
 
 fn too_few(most: u64, fewest: &Fewest) -> Error {
-    if fewest.factor == 0 {
+    if fewest.written == u64::MAX {
         return Error::setting("no cells leave anything of the part", "build it with finer cells");
     }
     Error::setting(
-        format!("no mesh of this part with {most} triangles is known"),
-        format!("ask for {} at least, which is the fewest that was found", fewest.triangles),
+        format!("no mesh of this part with at most {most} triangles was found"),
+        format!("ask for more: the fewest that were found are {}", fewest.written),
     )
 }
 
@@ -333,71 +446,104 @@ fn factors(from: f64, to: f64) -> Vec<u32> {
 }
 
 /// The factor with which the root has four coarse cells an axis.
-fn most_factor(tree: &dyn BrickTree) -> f64 {
+pub(super) fn most_factor(tree: &dyn BrickTree) -> f64 {
     factor_of(tree, tree.root().edge / 4.0).map_or(1.0, f64::from)
 }
 
-/// A surface of a lattice with as many triangles as asked for; `None` if no tolerance makes so few.
-fn fitted(
+/// A surface of a lattice with as many triangles as asked for; `None` if no tolerance makes so few. The tree is the one of
+/// which the lattice was made.
+pub(super) fn fitted(
+    tree: &dyn BrickTree,
     lattice: Lattice,
     request: &DetailRequest<'_>,
     (most_tolerance, fewest): (f64, &mut Fewest),
     progress: &dyn Progress,
 ) -> Result<Option<SizedMesh>> {
     let volume = request.volume.unwrap_or(lattice.volume());
-    let mut options = ContourOptions { tolerance: 0.0, ..request.options.clone() };
+    let options = ContourOptions { tolerance: 0.0, ..request.options.clone() };
     let kept = keep_volume(&lattice, volume, None, &options, progress)?;
-    let most = request.most as f64;
-    fewest.note(kept.summary.triangles, &lattice);
-    if kept.summary.triangles == 0 {
+    let all = kept.summary.triangles;
+    fewest.note(all, &lattice);
+    fewest.note_written(all);
+    if all == 0 {
         return Ok(None);
     }
-    if kept.summary.triangles as f64 <= most {
-        return Ok(Some(SizedMesh { lattice, kept, tolerance: 0.0 }));
+    if all <= request.most {
+        return Ok(Some(SizedMesh::of_fractions(lattice, kept, 0.0, tree)));
     }
-    let largest = most_tolerance * lattice.cell();
-    let mut search = Tolerances { low: 0.0, high: None, largest };
-    options.tolerance = 0.02 * lattice.cell();
+    let search = Tolerances::new(lattice.cell(), most_tolerance);
+    let Some(tolerance) = foreseen_tolerance((&lattice, kept.depth), request, search, fewest, progress)?
+    else {
+        return Ok(None);
+    };
+    let best = written((&lattice, kept.depth, volume), request, tolerance, fewest, progress)?;
+    Ok(best.map(|(kept, tolerance)| SizedMesh::of_fractions(lattice, kept, tolerance, tree)))
+}
+
+/// A tolerance with about as many triangles as asked for; `None` if none makes so few.
+fn foreseen_tolerance(
+    (lattice, depth): (&Lattice, f64),
+    request: &DetailRequest<'_>,
+    mut search: Tolerances,
+    fewest: &mut Fewest,
+    progress: &dyn Progress,
+) -> Result<Option<f64>> {
+    let mut tolerance = search.first();
     for _ in 0..TRIES {
-        let tree = FractionTree::new(&lattice, kept.depth);
+        let tree = FractionTree::new(lattice, depth);
         // Few merges are taken back because triangles meet.
-        let quick = ContourOptions { intersection_free: false, ..options.clone() };
+        let quick = ContourOptions { intersection_free: false, tolerance, ..request.options.clone() };
         let triangles = measure(&tree, &quick, progress)?.triangles;
-        fewest.note(triangles, &lattice);
-        let share = triangles as f64 / most;
-        if (LEAST_SHARE + 0.005..=AIM + 0.02).contains(&share) {
+        fewest.note(triangles, lattice);
+        let share = triangles as f64 / request.most as f64;
+        let is_flat = share <= AIM && tolerance <= search.flat;
+        if is_flat || (LEAST_SHARE + 0.005..=AIM + 0.02).contains(&share) {
             break;
         }
-        match search.next(options.tolerance, share) {
-            Some(next) => options.tolerance = next,
+        match search.next(tolerance, share) {
+            Some(next) => tolerance = next,
             None => return Ok(None),
         }
     }
+    Ok(Some(tolerance))
+}
+
+/// The mesh that is written, and its tolerance, from one that was foreseen; `None` if it has more triangles than asked for.
+fn written(
+    (lattice, depth, volume): (&Lattice, f64, f64),
+    request: &DetailRequest<'_>,
+    foreseen: f64,
+    fewest: &mut Fewest,
+    progress: &dyn Progress,
+) -> Result<Option<(LevelSurface, f64)>> {
+    let mut options = ContourOptions { tolerance: foreseen, ..request.options.clone() };
     // The volume is kept by the mesh that is written, which has a few more triangles.
     let mut best: Option<(LevelSurface, f64)> = None;
     let (mut low, mut high) = (None, None);
     for _ in 0..TRIES_WRITTEN {
         let tolerance = options.tolerance;
-        let kept = keep_volume(&lattice, volume, Some(kept.depth), &options, progress)?;
+        let kept = keep_volume(lattice, volume, Some(depth), &options, progress)?;
         let triangles = kept.summary.triangles;
-        if triangles as f64 > most {
+        fewest.note_written(triangles);
+        if triangles > request.most {
             low = Some(tolerance);
         } else {
             high = Some(tolerance);
             if best.as_ref().is_none_or(|(best, _)| triangles > best.summary.triangles) {
                 best = Some((kept, tolerance));
             }
-            if triangles as f64 >= LEAST_SHARE * most {
+            let is_enough = triangles as f64 >= LEAST_SHARE * request.most as f64;
+            if is_enough || tolerance <= FLAT * lattice.cell() {
                 break;
             }
         }
         options.tolerance = match (low, high) {
             (Some(low), Some(high)) => (low * high).sqrt(),
             (Some(low), None) => 1.1 * low,
-            (None, _) => tolerance / 1.1,
+            (None, _) => (tolerance / 1.1).max(FLAT * lattice.cell()),
         };
     }
-    Ok(best.map(|(kept, tolerance)| SizedMesh { lattice, kept, tolerance }))
+    Ok(best)
 }
 
 /// The search for a tolerance.
@@ -406,11 +552,23 @@ struct Tolerances {
     low: f64,
     /// One with too few.
     high: Option<f64>,
+    /// The least that is tried: it merges what is flat.
+    flat: f64,
     /// The largest that may be tried.
     largest: f64,
 }
 
 impl Tolerances {
+    /// In cells of some edge, up to so many of them.
+    fn new(cell: f64, largest: f64) -> Tolerances {
+        Tolerances { low: 0.0, high: None, flat: FLAT * cell, largest: largest * cell }
+    }
+
+    /// The one to try first.
+    fn first(&self) -> f64 {
+        20.0 * self.flat
+    }
+
     /// The tolerance to try after one that made so many times the triangles asked for; `None` if none is large enough.
     fn next(&mut self, tolerance: f64, share: f64) -> Option<f64> {
         if share > AIM {
@@ -419,6 +577,8 @@ impl Tolerances {
             self.high = Some(self.high.map_or(tolerance, |high| high.min(tolerance)));
         }
         match self.high {
+            // Flat faces may take away as many at any tolerance.
+            Some(_) if self.low == 0.0 => Some(self.flat),
             Some(high) => Some((self.low.max(high * 0.02) * high).sqrt().max(0.5 * self.low)),
             None if tolerance >= self.largest => None,
             None => Some((tolerance * (1.5 * share / AIM).clamp(1.3, 4.0)).min(self.largest)),

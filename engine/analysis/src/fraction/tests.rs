@@ -195,7 +195,27 @@ fn every_number_of_triangles_is_met_or_more_would_be_no_nearer() {
             let is_enough = triangles * 10 >= most * 9;
             // A box needs twelve.
             assert!(is_enough || shape == 1 && made.is_flat(), "{shape} {most}: {triangles}");
-            assert!(shape == 0 || made.lattice.factor() == 1, "{most}: {}", made.lattice.factor());
+            assert!(shape == 0 || made.factor() == 1, "{most}: {}", made.factor());
         }
     }
+}
+
+#[test]
+fn a_box_is_exact_whatever_number_is_asked_for() {
+    let (tree, options) = (tree(1, 2), ContourOptions::default());
+    // As of a small store, and as of one that is not contoured before it is known to be worth it.
+    for (of_all, most) in
+        [60_000, 400_000].into_iter().flat_map(|all| [12, 13, 24, 50, 300].map(|n| (all, n)))
+    {
+        let request = DetailRequest { most, of_all, volume: None, options: &options, memory: u64::MAX };
+        let made = of_triangles(&tree, request, &Silent).unwrap();
+        let summary = made.kept.summary;
+        assert!(summary.triangles <= most, "{of_all} {most}: {summary:?}");
+        assert!((summary.volume / 2.4f64.powi(3) - 1.0).abs() < 1e-4, "{of_all} {most}: {summary:?}");
+        assert!(made.is_flat(), "{of_all} {most}: {}", made.tolerance);
+    }
+    let request =
+        DetailRequest { most: 11, of_all: 60_000, volume: None, options: &options, memory: u64::MAX };
+    let error = of_triangles(&tree, request, &Silent).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("the fewest that were found are 12"), "{error}");
 }
