@@ -161,7 +161,7 @@ mod tests {
                     });
                     let expected = (shape(surface.to_world(at.map(|c| c / surface.cell()))) / step)
                         .clamp(-f64::from(BAND), f64::from(BAND));
-                    let found = f64::from(brick.value(ijk));
+                    let found = brick.value(ijk);
                     assert!((found - expected).abs() < 0.05, "{key} {ijk:?}: {found} {expected}");
                 }
             }

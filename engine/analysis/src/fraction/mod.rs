@@ -15,12 +15,14 @@
 //! | `tree` | a surface of the fractions as a tree that can be contoured |
 //! | `widen` | wide tents from narrow ones, for cells with several samples |
 //! | `level` | the surface that keeps the volume |
+//! | `fitted` | a mesh of one lattice with so many triangles, by a tolerance |
 //! | `size` | the detail at which a mesh has so many triangles |
 //! | `nearest` | the nearest mesh with so many triangles of a part of faces |
 //! | `distance` | how far a mesh and the surface of a store are from each other |
 
 mod chords;
 mod distance;
+mod fitted;
 mod kernel;
 mod lattice;
 mod leaf;
@@ -35,9 +37,10 @@ mod tree;
 mod widen;
 
 pub use distance::{Distances, distances};
+pub use fitted::{DetailRequest, SizedMesh, SizedTree};
 pub use lattice::{Lattice, fine_fractions, fractions};
 pub use level::{LevelSurface, keep_volume, surface};
-pub use size::{DetailRequest, SizedMesh, SizedTree, of_triangles};
+pub use size::of_triangles;
 pub use tree::FractionTree;
 
 use crate::store::BrickTree;

@@ -4,10 +4,10 @@
 //! are nearer than large ones without. Beads are another matter: their channels do not merge.
 
 use super::distance::distances;
+use super::fitted::{DetailRequest, FLAT, Fewest, LAST_TOLERANCE, MOST_OFF, SizedMesh, fitted, optional};
 use super::lattice::{Lattice, fractions};
 use super::level::{LevelSurface, measure};
 use super::sharp::planes;
-use super::size::{DetailRequest, FLAT, Fewest, LAST_TOLERANCE, MOST_OFF, SizedMesh, fitted, optional};
 use super::{FractionTree, finest_cell};
 use crate::analysis::volume;
 use crate::contour::{ContourOptions, DiscardSink, MeshArrays, contour};
@@ -187,7 +187,7 @@ impl Search<'_> {
 
     /// Larger cells, until a tolerance takes their triangles down to those asked for, and the next larger ones.
     fn larger(&mut self, first: u32) -> Result<()> {
-        let most = super::size::most_factor(self.tree) as u32;
+        let most = super::fitted::most_factor(self.tree) as u32;
         let mut factor = first;
         for _ in 0..RUNGS {
             let was_found = self.best.is_some();

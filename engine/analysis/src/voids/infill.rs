@@ -114,7 +114,7 @@ mod tests {
 
     /// A raster whose lines are joined at their ends by connectors.
     fn zigzag(spacing: f64) -> Vec<Line> {
-        let ends = |n: usize| if n % 2 == 0 { [0.0, 30.0] } else { [30.0, 0.0] };
+        let ends = |n: usize| if n.is_multiple_of(2) { [0.0, 30.0] } else { [30.0, 0.0] };
         let points: Vec<[f64; 2]> = (0..20).flat_map(|n| ends(n).map(|x| [x, spacing * n as f64])).collect();
         path(&points)
     }

@@ -82,9 +82,9 @@ fn parts_with_sharp_edges_are_as_full_as_smooth_ones() {
     let faces = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]];
     let tetrahedron: Vec<Facet> =
         faces.map(|face| face.map(|n: usize| corners[n].map(|c: f64| 5.0 * c))).to_vec();
-    let turned = cube.rotated([1.0, 2.0, 3.0], 0.7).facets().collect();
-    for facets in [cube.facets().collect(), turned, tetrahedron] {
-        let facets: Vec<Facet> = facets;
+    let straight: Vec<Facet> = cube.facets().collect();
+    let turned: Vec<Facet> = cube.rotated([1.0, 2.0, 3.0], 0.7).facets().collect();
+    for facets in [straight, turned, tetrahedron] {
         let cloud = scattered(&facets, 3_000, &mut rng);
         let surfels = surfels_of(&cloud);
         let root = root_of(&surfels);
