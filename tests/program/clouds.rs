@@ -218,7 +218,7 @@ fn clouds_that_cannot_be_built_are_refused_in_one_line() {
     let nan = dir.file("nan.xyz", "1 2 3 0 0 1\n2 2 3 nan 0 1\n");
     let cases: [(&[&dyn AsRef<OsStr>], &str); 9] = [
         (&[&bare], "b.ply: points: have no normals (no properties nx, ny and nz); add --estimate-normals"),
-        (&[&oriented, &bare], "b.ply: points: has normals or lacks them"),
+        (&[&oriented, &bare], "b.ply: points: has no normals, and the clouds before it have some"),
         (
             &[&model, &bare],
             "b.ply: points: have no normals (no properties nx, ny and nz); add --estimate-normals",

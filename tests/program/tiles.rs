@@ -215,7 +215,7 @@ fn tiles_are_the_same_for_any_number_of_threads_and_replace_older_ones_alone() {
     assert!(files(&one) == files(&three) && files(&one).len() > 20);
     std::fs::write(one.join("notes.txt"), "mine").unwrap();
     let told = run(&[&"mesh", &store, &"-o", &name]).failed();
-    assert!(told.contains("notes.txt") && told.contains("a folder of their own"), "{told}");
+    assert!(told.contains("notes.txt") && told.contains("a folder of another name"), "{told}");
     assert!(one.join("notes.txt").exists() && one.join("content/0/0/0/0.glb").exists());
 }
 
