@@ -26,7 +26,7 @@ const MOST_TOLERANCE: f64 = 0.3;
 const FINER: usize = 6;
 
 /// A mesh of at most so many triangles and no less than nine tenths of them, where there are so many. Of a part of faces it is
-/// [`nearest`] to that. Of others it is that of the coarsest lattice that has more of them, and a tolerance that takes away the
+/// the nearest to that. Of others it is that of the coarsest lattice that has more of them, and a tolerance that takes away the
 /// rest.
 ///
 /// # Errors
