@@ -18,6 +18,9 @@ use brickfield_engine::{Result, Silent};
 use proptest::prelude::*;
 use std::path::Path;
 
+/// What samples of open piles may be off by.
+const ERROR: f64 = 1e-2;
+
 /// A folder with the store of a random pile.
 struct Scene {
     dir: tempfile::TempDir,
@@ -29,7 +32,7 @@ impl Scene {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("in.stl"), pile_as_stl(seed, pieces, is_open)).unwrap();
         let resolution = Resolution::Depth(depth);
-        let options = BuildOptions { resolution, refine, gwn_error: 1e-2, ..BuildOptions::default() };
+        let options = BuildOptions { resolution, refine, gwn_error: ERROR, ..BuildOptions::default() };
         let scene = Scene { dir, options };
         scene.build("whole", depth);
         scene
@@ -52,6 +55,13 @@ impl Scene {
 
     fn bytes(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap()
+    }
+
+    /// The store cut down to a level, and how a build of that depth differs from it.
+    fn pruned_and_built(&self, level: u8) -> (Store, Comparison) {
+        let pruned = self.prune(&PruneOptions { level: Some(level), ..PruneOptions::default() });
+        let found = difference(&pruned, &self.build("coarse", level));
+        (pruned, found)
     }
 
     /// The store of this name cut down, which must be sound.
@@ -100,6 +110,14 @@ fn points(store: &Store, seed: u64) -> Vec<[f64; 3]> {
         (state >> 33) as f64 / f64::from(1u32 << 31)
     };
     (0..2000).map(|_| [0, 1, 2].map(|a| root.origin[a] + fraction() * root.edge)).collect()
+}
+
+/// By which expansion a sample of an open mesh is found depends on the depth of the build, so it may differ by both errors.
+#[test]
+fn samples_of_an_open_pile_may_depend_on_the_depth() {
+    let scene = Scene::new(7837148390391899, 4, true, 2, Refine::Hidden);
+    let (_, found) = scene.pruned_and_built(0);
+    assert!(found.bricks.samples > 0 && found.bricks.max_difference <= 2.0 * ERROR, "{found:?}");
 }
 
 fn refinements() -> impl Strategy<Value = Refine> {
@@ -151,11 +169,11 @@ proptest! {
         let depth = if is_open { depth.min(2) } else { depth };
         let level = level.min(depth);
         let scene = Scene::new(seed, pieces, is_open, depth, Refine::Hidden);
-        let pruned = scene.prune(&PruneOptions { level: Some(level), ..PruneOptions::default() });
-        let coarse = scene.build("coarse", level);
-        let found = difference(&pruned, &coarse);
-        prop_assert_eq!((&found.metadata, found.bricks.samples), (&Vec::new(), 0));
+        let (pruned, found) = scene.pruned_and_built(level);
+        prop_assert_eq!(&found.metadata, &Vec::new());
+        prop_assert!(found.bricks.max_difference <= 2.0 * ERROR);
         if !is_open {
+            prop_assert_eq!((found.bricks.samples, found.bricks.signs), (0, 0));
             prop_assert_eq!((found.only_first, found.only_second, found.leaf_in_one), (0, 0, 0));
             let is_equal = scene.bytes("pruned") == scene.bytes("coarse");
             prop_assert_eq!(is_equal, found.bricks.hermite_edges == 0);
