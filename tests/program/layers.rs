@@ -73,7 +73,7 @@ fn layers_without_a_toolpath_need_a_pitch() {
     assert!(refused.contains("--identity") && refused.lines().count() == 1, "{refused}");
 }
 
-/// Slabs of a turned box, whose volumes are prisms between its faces: by the signed volumes of its triangles below a plane.
+/// Slabs of a turned box against sections of its facets.
 #[test]
 fn volumes_of_slabs_are_within_their_errors() {
     let dir = Scratch::new();
@@ -95,7 +95,7 @@ fn volumes_of_slabs_are_within_their_errors() {
     }
 }
 
-/// The volume of a convex body below a plane across z, from sections of it: ten thousand of them.
+/// The volume of a convex body below a plane across z, from two thousand sections of it.
 fn volume_below(mesh: &Mesh, z: f64) -> f64 {
     let low = mesh.facets().flatten().map(|corner| corner[2]).fold(f64::INFINITY, f64::min);
     let high = mesh.facets().flatten().map(|corner| corner[2]).fold(f64::NEG_INFINITY, f64::max);

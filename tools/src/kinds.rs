@@ -80,6 +80,11 @@ fn build_command(path: &Path) -> String {
     format!("`brickfield build {} -o {}`", typed(path), typed(&path.with_extension("brf")))
 }
 
+/// What to do with a file of splats.
+fn remedy_of_splats(path: &Path) -> String {
+    format!("`brickfield render {} --splats -o view.png` draws it", typed(path))
+}
+
 /// What to do with a plan.
 fn remedy_of_plan(path: &Path) -> String {
     format!(
@@ -92,8 +97,12 @@ fn remedy_of_plan(path: &Path) -> String {
 /// a store after all. `otherwise` is what the same command does with such a mesh, if anything.
 pub fn not_a_store(path: &Path, error: Error, otherwise: Option<&str>) -> Error {
     if is_splats(path) {
-        let remedy = format!("`brickfield render {} --splats -o view.png` draws it", typed(path));
-        return Error::store(path, "header", "is a file of splats, not a brick store", remedy);
+        return Error::store(
+            path,
+            "header",
+            "is a file of splats, not a brick store",
+            remedy_of_splats(path),
+        );
     }
     let Some(kind) = FileKind::of(path).filter(|kind| *kind != FileKind::Store) else { return error };
     let Some(name) = kind.name() else { return error };
@@ -225,8 +234,7 @@ pub fn require_store_name(path: &Path, has_mesh_option: bool) -> Result<(), Fail
 /// The error of a file that no command takes.
 pub fn not_read(path: &Path, kind: FileKind) -> anyhow::Error {
     if is_splats(path) {
-        let remedy = format!("`brickfield render {} --splats -o view.png` draws it", typed(path));
-        return anyhow!("{}: is a file of splats; {remedy}", path.display());
+        return anyhow!("{}: is a file of splats; {}", path.display(), remedy_of_splats(path));
     }
     let (name, remedy) = match kind {
         FileKind::Input(InputKind::Empty) => {

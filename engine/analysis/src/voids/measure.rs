@@ -222,15 +222,22 @@ fn of_uniform() -> Local {
 }
 
 /// Offsets of crossings in the order of edges.
-struct Offsets<'a>(Option<&'a [HermiteEdge]>);
+pub(super) struct Offsets<'a>(Option<&'a [HermiteEdge]>);
 
 impl Offsets<'_> {
     fn of(hermite: Option<&Hermite>, axis: Axis) -> Offsets<'_> {
         Offsets(hermite.map(|hermite| &hermite.edges[axis.index()][..]))
     }
 
+    /// Along an axis of a brick, where it says all of them.
+    pub(super) fn along<'a>(hermite: &'a Hermite, signs: &SignChanges, axis: Axis) -> Offsets<'a> {
+        let edges = &hermite.edges[axis.index()][..];
+        Offsets((edges.len() == signs.counts()[axis.index()]).then_some(edges))
+    }
+
+    /// The next one in steps; half of the edge where the brick does not say it.
     #[inline(always)]
-    fn next(&mut self) -> i64 {
+    pub(super) fn next(&mut self) -> i64 {
         let Some((edge, rest)) = self.0.and_then(|edges| edges.split_first()) else {
             return i64::from(MIDDLE);
         };

@@ -5,7 +5,7 @@
 
 use super::components::{Components, Run};
 use super::labelling::Labelling;
-use super::measure::PARTS;
+use super::measure::{Offsets, PARTS};
 use crate::brick::{Brick, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
@@ -174,9 +174,7 @@ fn chords(
 ) {
     let NodeAt { low, shift, area } = NodeAt::of(leaf.key);
     let Brick::Counts { hermite, .. } = leaf.brick else { return };
-    let edges = &hermite.edges[Axis::Z.index()];
-    let is_complete = edges.len() == signs.counts()[Axis::Z.index()];
-    let mut edges = is_complete.then_some(edges.iter());
+    let mut offsets = Offsets::along(hermite, signs, Axis::Z);
     let class = |run: &Run| classes[usize::from(run.label)];
     for k in 0..BRICK_CELLS {
         let ends = [k, k + 1].map(|k| low + (((k as i64) << STEP_BITS) << shift));
@@ -197,10 +195,9 @@ fn chords(
             while rest != 0 {
                 let i = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                let offset =
-                    edges.as_mut().and_then(Iterator::next).map_or(1 << (STEP_BITS - 1), |e| e.offset);
+                let offset = offsets.next();
                 if i < BRICK_CELLS && j < BRICK_CELLS {
-                    let crossing = ends[0] + (i64::from(offset) << shift);
+                    let crossing = ends[0] + (offset << shift);
                     let [below, above] = [k, k + 1].map(|k| classes[usize::from(components.at([i, j, k]))]);
                     slabs.add(below, (ends[0], crossing), area);
                     slabs.add(above, (crossing, ends[1]), area);
@@ -221,12 +218,11 @@ fn across(leaf: &Leaf<'_>, signs: &SignChanges, slabs: &mut Slabs<'_>) {
     let step = (1i64 << leaf.key.spacing_bits()) * PARTS as i64;
     let (mut apart, mut crossings) = ([[0i64; BRICK_CELLS]; 2], [0i128; BRICK_CELLS]);
     for (axis, planes) in [Axis::X, Axis::Y].into_iter().zip(&mut apart) {
-        let edges = &hermite.edges[axis.index()];
-        let mut offsets = (edges.len() == signs.counts()[axis.index()]).then_some(edges.iter());
+        let mut offsets = Offsets::along(hermite, signs, axis);
         signs.for_edges(axis, |[i, j, k]| {
-            let offset = offsets.as_mut().and_then(Iterator::next).map_or(1 << (STEP_BITS - 1), |e| e.offset);
+            let offset = offsets.next();
             if i.max(j).max(k) < BRICK_CELLS {
-                let beyond = (1 << STEP_BITS) - i64::from(offset);
+                let beyond = (1 << STEP_BITS) - offset;
                 crossings[k] += 1;
                 planes[k] += if signs.row(j, k) >> i & 1 != 0 { beyond } else { -beyond };
             }
