@@ -221,18 +221,18 @@ fn of_uniform() -> Local {
     }
 }
 
-/// Offsets of crossings in the order of edges.
-pub(super) struct Offsets<'a>(Option<&'a [HermiteEdge]>);
+/// CrossingOffsets of crossings in the order of edges.
+pub(super) struct CrossingOffsets<'a>(Option<&'a [HermiteEdge]>);
 
-impl Offsets<'_> {
-    fn of(hermite: Option<&Hermite>, axis: Axis) -> Offsets<'_> {
-        Offsets(hermite.map(|hermite| &hermite.edges[axis.index()][..]))
+impl CrossingOffsets<'_> {
+    fn of(hermite: Option<&Hermite>, axis: Axis) -> CrossingOffsets<'_> {
+        CrossingOffsets(hermite.map(|hermite| &hermite.edges[axis.index()][..]))
     }
 
     /// Along an axis of a brick, where it says all of them.
-    pub(super) fn along<'a>(hermite: &'a Hermite, signs: &SignChanges, axis: Axis) -> Offsets<'a> {
+    pub(super) fn along<'a>(hermite: &'a Hermite, signs: &SignChanges, axis: Axis) -> CrossingOffsets<'a> {
         let edges = &hermite.edges[axis.index()][..];
-        Offsets((edges.len() == signs.counts()[axis.index()]).then_some(edges))
+        CrossingOffsets((edges.len() == signs.counts()[axis.index()]).then_some(edges))
     }
 
     /// The next one in steps; half of the edge where the brick does not say it.
@@ -259,7 +259,7 @@ impl Offsets<'_> {
 /// Chords along x: each run from its crossing to the next.
 #[inline(always)]
 fn along_x(components: &Components, hermite: Option<&Hermite>, locals: &mut [Local]) {
-    let mut offsets = Offsets::of(hermite, Axis::X);
+    let mut offsets = CrossingOffsets::of(hermite, Axis::X);
     for (j, k) in (0..BRICK_POINTS).flat_map(|k| (0..BRICK_POINTS).map(move |j| (j, k))) {
         let runs = components.row(j, k);
         if j == BRICK_CELLS || k == BRICK_CELLS {
@@ -296,7 +296,7 @@ fn across(
     hermite: Option<&Hermite>,
     locals: &mut [Local],
 ) {
-    let (mut offsets, a) = (Offsets::of(hermite, axis), axis.index());
+    let (mut offsets, a) = (CrossingOffsets::of(hermite, axis), axis.index());
     for (j, k) in (0..BRICK_POINTS).flat_map(|k| (0..BRICK_POINTS).map(move |j| (j, k))) {
         let changes = signs.edges(axis, j, k);
         if j == BRICK_CELLS || k == BRICK_CELLS {

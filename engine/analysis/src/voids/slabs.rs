@@ -5,7 +5,7 @@
 
 use super::components::{Components, Run};
 use super::labelling::Labelling;
-use super::measure::{Offsets, PARTS};
+use super::measure::{CrossingOffsets, PARTS};
 use crate::brick::{Brick, Samples, SignChanges};
 use crate::error::Result;
 use crate::lattice::{Axis, BRICK_CELLS, BRICK_POINTS, NodeKey, RootCube};
@@ -174,7 +174,7 @@ fn chords(
 ) {
     let NodeAt { low, shift, area } = NodeAt::of(leaf.key);
     let Brick::Counts { hermite, .. } = leaf.brick else { return };
-    let mut offsets = Offsets::along(hermite, signs, Axis::Z);
+    let mut offsets = CrossingOffsets::along(hermite, signs, Axis::Z);
     let class = |run: &Run| classes[usize::from(run.label)];
     for k in 0..BRICK_CELLS {
         let ends = [k, k + 1].map(|k| low + (((k as i64) << STEP_BITS) << shift));
@@ -218,7 +218,7 @@ fn across(leaf: &Leaf<'_>, signs: &SignChanges, slabs: &mut Slabs<'_>) {
     let step = (1i64 << leaf.key.spacing_bits()) * PARTS as i64;
     let (mut apart, mut crossings) = ([[0i64; BRICK_CELLS]; 2], [0i128; BRICK_CELLS]);
     for (axis, planes) in [Axis::X, Axis::Y].into_iter().zip(&mut apart) {
-        let mut offsets = Offsets::along(hermite, signs, axis);
+        let mut offsets = CrossingOffsets::along(hermite, signs, axis);
         signs.for_edges(axis, |[i, j, k]| {
             let offset = offsets.next();
             if i.max(j).max(k) < BRICK_CELLS {
